@@ -10,11 +10,15 @@ use ostra_geometry::{Camera, Pose};
 use ostra_masks::{Label, LabelId, Prompt};
 
 impl Project {
-    /// Makes the change and returns the edit that takes it back exactly. A refused edit changes nothing.
+    /// Applies an edit and returns its exact inverse.
+    ///
+    /// A rejected edit leaves the project unchanged.
     ///
     /// # Errors
-    /// When the edit would break an invariant: a frame or label that is not there, a mask of another size than its
-    /// frame, a stale anchor, a label that is still in use, a number that is not finite.
+    ///
+    /// Returns an error if the edit would break an invariant. Examples are a frame or label that
+    /// does not exist, a mask whose size differs from its frame's, a stale keyframe, a label that
+    /// is still in use, and a non-finite number.
     pub fn apply(&mut self, edit: Edit) -> Result<Edit> {
         match edit {
             Edit::SetLabel { id, label } => self.set_label(id, label),
@@ -36,10 +40,11 @@ impl Project {
         }
     }
 
-    /// The frame of this number.
+    /// Returns the frame with this number.
     ///
     /// # Errors
-    /// When there is no such frame; the message says how many there are.
+    ///
+    /// Returns an error if there is no such frame. The message gives the valid range.
     pub fn frame(&self, number: usize) -> Result<&Frame> {
         self.frames
             .get(number)
@@ -152,7 +157,7 @@ impl Project {
         })
     }
 
-    /// Refuses a mask that does not fit its frame or the project's labels.
+    /// Rejects a mask that does not fit its frame or the project's labels.
     pub(super) fn check_mask(&self, frame: &Frame, mask: &FrameMask) -> Result<()> {
         let (runs, name) = (&mask.runs, &frame.name);
         ensure!(
@@ -322,7 +327,9 @@ impl Project {
     }
 }
 
-/// A frame's name becomes the path of its mask file: it must stay below the project's folder.
+/// Rejects a frame that the project cannot hold.
+///
+/// A frame's name becomes the path of its mask file, so it must stay below the project's folder.
 fn check_frame(frame: &Frame) -> Result<()> {
     let name = &frame.name;
     let inside = Path::new(name)
@@ -364,7 +371,7 @@ fn check_depth(name: &str, depth: &DepthSource) -> Result<()> {
     );
     match depth {
         DepthSource::Made { made, .. } => {
-            // Of the project's own folders it is known that no link in them leads elsewhere.
+            // Only the project's own folders are known to contain no link that leads elsewhere.
             let is_own = made
                 .components()
                 .all(|part| matches!(part, Component::Normal(_)))
@@ -389,7 +396,7 @@ fn check_depth(name: &str, depth: &DepthSource) -> Result<()> {
     Ok(())
 }
 
-/// What is refused here could be written into the journal but not read again.
+/// Rejects cameras that could be written to the journal but not read back.
 fn check_camera(frame: &Frame, camera: &FrameCamera) -> Result<()> {
     let (name, intrinsics) = (&frame.name, &camera.intrinsics);
     let finite = is_finite(intrinsics, camera.camera_from_world.as_ref());
@@ -413,7 +420,7 @@ fn is_finite(camera: &Camera, pose: Option<&Pose>) -> bool {
         && pose.is_none_or(|pose| pose.rotation.is_finite() && pose.translation.is_finite())
 }
 
-/// JSON writes a number that is not finite as `null`.
+/// Returns whether a JSON value contains `null`, which is how non-finite numbers are written.
 fn has_null(value: &serde_json::Value) -> bool {
     match value {
         serde_json::Value::Null => true,

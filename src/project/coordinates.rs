@@ -6,7 +6,7 @@ use ostra_cloud::measure::LengthUnit;
 use ostra_frames::{DepthSource, Frame};
 
 impl Project {
-    /// Coordinates of the cameras.
+    /// Returns the coordinates of the cameras.
     #[must_use]
     pub fn coordinates(&self) -> Coordinates {
         let record = self.results.get(&ResultKind::Cameras);
@@ -19,8 +19,10 @@ impl Project {
             .unwrap_or_else(|| Coordinates::chosen_with(Coordinates::OF_GIVEN_CAMERAS, is_metric()))
     }
 
-    /// Coordinates of the labelled cloud and its surface, those of the cameras where there is no cloud; `None` where they are
-    /// not known, because the cloud was made by an older version and may be older than the scale.
+    /// Returns the coordinates of the labelled cloud and its surface.
+    ///
+    /// Without a cloud, these are the coordinates of the cameras. Returns `None` if they are
+    /// unknown, because the cloud was made by an older version and may be older than the scale.
     #[must_use]
     pub fn cloud_coordinates(&self) -> Option<Coordinates> {
         let record = self.results.get(&ResultKind::Cloud);
@@ -38,14 +40,16 @@ impl Project {
         }
     }
 
-    /// Unit of lengths in the labelled cloud and its surface.
+    /// Returns the unit of lengths in the labelled cloud and its surface.
     #[must_use]
     pub fn cloud_unit(&self) -> LengthUnit {
         self.cloud_coordinates()
             .map_or(LengthUnit::World, |coordinates| coordinates.unit)
     }
 
-    /// Unit of a frame's depths; of those that stereo made with other cameras it is not known.
+    /// Returns the unit of a frame's depths.
+    ///
+    /// The unit is unknown ([`LengthUnit::World`]) if stereo made the depths with other cameras.
     #[must_use]
     pub fn depth_unit(&self, frame: usize) -> LengthUnit {
         let is_stale = || {
@@ -60,7 +64,7 @@ impl Project {
         }
     }
 
-    /// Whether the scale of the cameras is or was arbitrary.
+    /// Returns whether the scale of the cameras is or was arbitrary.
     fn has_chosen_scale(&self) -> bool {
         self.results
             .get(&ResultKind::Cameras)
@@ -72,13 +76,16 @@ impl Project {
     }
 }
 
-/// Whether a camera record of an older version, which holds no unit, has an arbitrary scale.
+/// Returns whether a camera record has an arbitrary scale.
+///
+/// This is for records of older versions, which hold no unit.
 fn is_free(record: &ResultRecord) -> bool {
     record.engine == ResultEngine::Sfm && !record.settings.contains("scaled by")
 }
 
-/// What all lengths were multiplied by from one state of the frames to another; `None` where nothing was scaled, or
-/// cameras changed in another way.
+/// Returns the factor by which all lengths were multiplied from `before` to `now`.
+///
+/// Returns `None` if nothing was scaled or the cameras changed in another way.
 #[must_use]
 pub fn scale_between(before: &[Frame], now: &[Frame]) -> Option<f64> {
     let pose = |frame: &Frame| frame.posed_camera().map(|(_, pose)| *pose);
@@ -124,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scale_is_told_from_other_changes_of_cameras() {
+    fn scaling_is_distinguished_from_other_camera_changes() {
         let before = frames(&[0.0, 1.0, 2.0], 1.0);
         let factor = scale_between(&before, &frames(&[0.0, 1.0, 2.0], 0.25)).unwrap();
         assert!((factor - 0.25).abs() < 1e-12);
@@ -141,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cloud_keeps_its_unit_when_cameras_change() {
+    fn cloud_keeps_its_unit_when_cameras_change() {
         let mut project = Project::default();
         assert_eq!(project.cloud_unit(), LengthUnit::Metre, "given cameras");
         let with = |coordinates| ResultRecord {

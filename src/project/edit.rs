@@ -5,95 +5,100 @@ use crate::{FrameMask, Marks, ResultKind, ResultRecord};
 use ostra_frames::{DepthSource, Frame, FrameCamera};
 use ostra_masks::{Label, LabelId, Prompt};
 
-/// "Set X to this": the only way a [`crate::Project`] changes. `Project::apply` returns the inverse.
+/// A change that sets one part of a [`crate::Project`] to a value.
+///
+/// Edits are the only way a project changes. `Project::apply` returns the inverse.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Edit {
-    /// Sets or takes out a label.
+    /// Sets or removes a label.
     SetLabel {
-        /// Which.
+        /// Id of the label.
         id: LabelId,
-        /// `None` = take it out.
+        /// The label, or `None` to remove it.
         label: Option<Label>,
     },
-    /// Sets or takes out all that was given for a label on a frame.
+    /// Sets or removes the prompt of a label on a frame.
     SetPrompt {
         /// Frame number.
         frame: usize,
-        /// For which label.
+        /// Label that is prompted.
         label: LabelId,
-        /// `None` = nothing given.
+        /// The prompt, or `None` to remove it.
         prompt: Option<Prompt>,
     },
-    /// Sets or takes out a frame's mask.
+    /// Sets or removes a frame's mask.
     SetMask {
         /// Frame number.
         frame: usize,
-        /// `None` = no mask.
+        /// The mask, or `None` to remove it.
         mask: Option<FrameMask>,
     },
-    /// Marks tracked masks as made from something that has changed since, or takes the mark away. Frames without a
-    /// tracked mask are passed over.
+    /// Sets or clears the stale flag of tracked masks.
+    ///
+    /// Frames without a tracked mask are skipped.
     SetStale {
         /// Frame numbers.
         frames: Vec<usize>,
-        /// `true` = stale.
+        /// Whether the masks are stale.
         stale: bool,
     },
-    /// Sets what the user said of a label over ranges of frames.
+    /// Sets the marks of a label.
     SetMarks {
-        /// Of which label.
+        /// Label that is marked.
         label: LabelId,
-        /// Empty = nothing was said.
+        /// The marks; empty removes them.
         marks: Marks,
     },
-    /// Sets the origin that coordinates are relative to. It moves nothing: cameras are set in the same step.
+    /// Sets the origin that coordinates are relative to.
+    ///
+    /// This does not move anything: the cameras are set in the same step.
     SetOrigin {
-        /// In the coordinates in which cameras were given.
+        /// The origin, in the coordinates in which cameras were given.
         origin: DVec3,
     },
     /// Sets a frame's camera.
     SetCamera {
         /// Frame number.
         frame: usize,
-        /// `None` = unknown.
+        /// The camera, or `None` if it is unknown.
         camera: Option<FrameCamera>,
     },
-    /// Sets where a frame's depth comes from.
+    /// Sets the source of a frame's depth.
     SetDepth {
         /// Frame number.
         frame: usize,
-        /// `None` = it has none.
+        /// The source, or `None` if the frame has no depth.
         depth: Option<DepthSource>,
     },
-    /// Puts frames at the end of the sequence.
+    /// Appends frames to the sequence.
     AddFrames {
         /// The new frames.
         frames: Vec<Frame>,
     },
-    /// Takes the last frames away again (the inverse of [`Edit::AddFrames`]).
+    /// Removes the last frames (the inverse of [`Edit::AddFrames`]).
     DropFrames {
-        /// How many remain.
+        /// Number of frames that remain.
         keep: usize,
     },
-    /// Puts other sources in the place of frames' sources (moved pictures).
+    /// Replaces a frame, for example because its image file was moved.
     SetFrame {
         /// Frame number.
         frame: usize,
-        /// The frame as it shall be.
+        /// The new frame.
         value: Box<Frame>,
     },
-    /// Sets or takes out a result's record.
+    /// Sets or removes the record of a result.
     SetResult {
-        /// Which result.
+        /// Kind of the result.
         kind: ResultKind,
-        /// `None` = there is none.
+        /// The record, or `None` to remove it.
         record: Option<ResultRecord>,
     },
 }
 
 impl Edit {
-    /// The frame whose mask it sets or takes out.
+    /// Returns the frame whose mask the edit sets or removes.
     #[must_use]
     pub fn masked_frame(&self) -> Option<usize> {
         match self {

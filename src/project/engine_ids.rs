@@ -5,9 +5,9 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-/// An engine that requests, recipes and the command line choose by name.
+/// An engine that requests, recipes and the command line select by name.
 pub trait EngineName: Copy + Eq + fmt::Debug + Send + Sync + 'static {
-    /// What an engine of this kind is called in messages, such as "tracker".
+    /// Noun for this kind of engine in messages, such as "tracker".
     const NOUN: &'static str;
 
     /// The automatic choice.
@@ -26,7 +26,7 @@ pub trait EngineName: Copy + Eq + fmt::Debug + Send + Sync + 'static {
     }
 }
 
-/// There is no engine with this name.
+/// Error for an unknown engine name.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("there is no {noun} '{name}'; choose one of {known}")]
 pub struct UnknownEngine {
@@ -102,13 +102,13 @@ macro_rules! engine_ids {
 }
 
 engine_ids! {
-    /// Turns prompts into masks.
+    /// An engine that turns prompts into masks.
     SegmenterId, "segmenter", {
         /// Segment Anything.
         Sam = "sam",
-        /// Segment Anything on the surroundings of each prompt at full resolution.
+        /// Segment Anything on a full-resolution crop around each prompt.
         SamClose = "sam-close",
-        /// Connected surfaces in frames with depth and cameras.
+        /// Connected surfaces, for frames with depth and cameras.
         Geometry = "geometry",
         /// The built-in segmenter.
         Builtin = "builtin",
@@ -116,7 +116,7 @@ engine_ids! {
 }
 
 engine_ids! {
-    /// Finds objects by text.
+    /// An engine that finds objects by text.
     GrounderId, "grounder", {
         /// Grounding DINO.
         GroundingDino = "grounding-dino",
@@ -126,7 +126,7 @@ engine_ids! {
 }
 
 engine_ids! {
-    /// Propagates masks through the sequence.
+    /// An engine that propagates masks through the sequence.
     TrackerId, "tracker", {
         /// XMem.
         XMem = "xmem",
@@ -140,7 +140,7 @@ engine_ids! {
 }
 
 engine_ids! {
-    /// Detects and describes keypoints.
+    /// An engine that detects and describes keypoints.
     FeatureId, "feature extractor", {
         /// SIFT.
         Sift = "sift",
@@ -152,7 +152,7 @@ engine_ids! {
 }
 
 engine_ids! {
-    /// Matches keypoints of two images.
+    /// An engine that matches the keypoints of two images.
     MatcherId, "matcher", {
         /// Nearest neighbours in descriptor space, with the ratio test.
         Nearest = "nearest",
@@ -164,7 +164,7 @@ engine_ids! {
 }
 
 engine_ids! {
-    /// Registers fragments of an RGB-D recording that have no other link.
+    /// A method that registers fragments of an RGB-D recording that have no other link.
     RegistrationId, "registration", {
         /// Fast Global Registration.
         Fgr = "fgr",
@@ -174,17 +174,17 @@ engine_ids! {
 }
 
 engine_ids! {
-    /// Where stereo runs.
+    /// The device that runs stereo.
     DeviceId, "device", {
-        /// The processor.
+        /// The CPU.
         Cpu = "cpu",
-        /// The graphics card.
+        /// The GPU.
         Gpu = "gpu",
     }
 }
 
 impl TrackerId {
-    /// Whether the tracker is a network that can be given an image size.
+    /// Returns whether the tracker is a network with a configurable image size.
     #[must_use]
     pub fn has_image_size(self) -> bool {
         matches!(self, Self::XMem | Self::Deaot)
@@ -221,7 +221,7 @@ mod tests {
         );
     }
 
-    /// The names are stored in recipes and used in scripts: they must not change.
+    /// The names are stored in recipes and used in scripts, so they must not change.
     #[test]
     fn names_are_the_same_in_recipes_and_on_the_command_line() {
         check::<SegmenterId>(&["auto", "sam", "sam-close", "geometry", "builtin"]);

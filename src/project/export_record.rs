@@ -1,5 +1,6 @@
-//! What is known of the files that OSTRA exported, and which of them running exports write at this moment, so that two
-//! exports do not mix what they write.
+//! Records of the files that OSTRA exported, and claims on the files that running exports write.
+//!
+//! The claims prevent two exports from mixing their files.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, Metadata, OpenOptions, TryLockError};
@@ -12,13 +13,15 @@ use serde::{Deserialize, Serialize};
 
 use ostra_core::disk::{self, AtomicFile};
 
-/// The file in a folder that lists what OSTRA exported into it.
+/// Name of the file in a folder that lists what OSTRA exported into it.
 pub const RECORD: &str = ".ostra-exports.json";
 
-/// What systems put into every folder that is looked at; no work of the user's.
+/// Files that operating systems and OSTRA itself put into folders; never the user's work.
 const SYSTEM_FILES: [&str; 4] = [".DS_Store", "Thumbs.db", "desktop.ini", RECORD];
 
-/// Names a file whatever it is called: links and hard links have the id of what they lead to.
+/// Identity of a file, independent of its path.
+///
+/// Links and hard links have the id of their target.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum FileId {
     #[cfg(unix)]
@@ -41,11 +44,11 @@ impl FileId {
     }
 }
 
-/// What is known of an exported file, to notice a change.
+/// Size and time of an exported file, to detect changes.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Exported {
     bytes: u64,
-    /// Time of the last change, nanoseconds since 1970.
+    /// Modification time, in nanoseconds since 1970.
     modified_ns: u128,
 }
 
@@ -62,7 +65,9 @@ impl Exported {
     }
 }
 
-/// A file as it is: another file in its place, or a change, makes another stamp.
+/// Identity and state of a file.
+///
+/// The stamp changes if the file is modified or replaced by another one.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Stamp {
     id: FileId,
@@ -78,32 +83,35 @@ impl Stamp {
     }
 }
 
-/// What is known of a file in a folder of exports.
+/// State of a file in a folder of exports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Known {
-    /// It is as OSTRA exported it.
+    /// Unchanged since OSTRA exported it.
     Unchanged,
-    /// OSTRA exported it, and it was changed since.
+    /// Exported by OSTRA and changed since.
     Changed,
-    /// An export that was killed may have written it; so may anybody since.
+    /// Possibly written by an export that was killed, or by another program since then.
     Interrupted,
 }
 
-/// The exported files of a folder, by their path below it with `/`.
+/// The exported files of a folder, by their path below it, with `/` as separator.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub struct ExportRecord {
     pub(super) files: BTreeMap<String, Exported>,
-    /// Files that an export writes now or was writing when it was killed, with the time it began; [`WHOLE_FOLDER`] stands
-    /// for all files of the folder.
+    /// Files that an export is writing or was writing when it was killed, with its start time.
+    ///
+    /// [`WHOLE_FOLDER`] stands for all files of the folder.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub(super) pending: BTreeMap<String, u128>,
 }
 
-/// A larger record is not read; one of a million files takes a sixth of it.
+/// Maximum size of a record that is read. A record of a million files takes a sixth of it.
 const MAX_BYTES: u64 = 1 << 30;
 
 impl ExportRecord {
-    /// Reads the record of a folder; without one, or with one that cannot be read, nothing counts as exported.
+    /// Reads the record of a folder.
+    ///
+    /// If it is missing or cannot be read, no file counts as exported.
     #[must_use]
     pub fn read(folder: &Path, name: &str) -> Self {
         let text = disk::read_text_up_to(&folder.join(name), MAX_BYTES).unwrap_or_default();
@@ -113,7 +121,8 @@ impl ExportRecord {
     /// Writes the record into the folder.
     ///
     /// # Errors
-    /// When it cannot be written.
+    ///
+    /// Returns an error if the file cannot be written.
     pub fn write(&self, folder: &Path, name: &str) -> Result<()> {
         let path = folder.join(name);
         disk::write(&path, &serde_json::to_vec_pretty(self)?).with_context(|| {
@@ -124,14 +133,14 @@ impl ExportRecord {
         })
     }
 
-    /// Adds a file of the folder as it is now.
+    /// Adds a file of the folder in its current state.
     pub fn add(&mut self, folder: &Path, file: &Path) {
         if let (Some(name), Ok(found)) = (name_below(folder, file), fs::metadata(file)) {
             self.files.insert(name, Exported::of(&found));
         }
     }
 
-    /// What is known of this file of the folder; `None` for a file that OSTRA did not write.
+    /// Returns the state of a file in the folder, or `None` if OSTRA did not write it.
     #[must_use]
     pub fn known(&self, folder: &Path, file: &Path) -> Option<Known> {
         let name = name_below(folder, file)?;
@@ -171,10 +180,13 @@ pub(super) fn name_below(folder: &Path, file: &Path) -> Option<String> {
     )
 }
 
-/// All files and links in a folder and those inside it, system files and temporary ones left out, in order.
+/// Returns all files and links in a folder and its subfolders, sorted.
+///
+/// System files and temporary files are left out.
 ///
 /// # Errors
-/// When a folder cannot be read.
+///
+/// Returns an error if a folder cannot be read.
 pub fn files_below(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     let mut waiting = vec![folder.to_owned()];
@@ -196,32 +208,41 @@ pub fn files_below(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// Stands for all files of a folder.
+/// Name in claims and records that stands for all files of a folder.
 pub(super) const WHOLE_FOLDER: &str = "";
-/// A file under a temporary name that begins with this name lists what an export writes; it is locked while the export runs
-/// and never completed.
+/// Name from which the temporary names of claim files are made.
+///
+/// A claim file lists the files that an export writes. It is locked while the export runs and is
+/// never completed.
 const CLAIM: &str = "exporting";
-/// How the names of such files begin.
+/// Prefix of the names of claim files.
 const CLAIM_PREFIX: &str = ".ostra-exporting.";
-/// Room for each name in the record of a folder's exports, which is written when the disk may be full.
+/// Bytes reserved for each name in the export record.
+///
+/// The record must be written even if the disk is full.
 const RECORD_BYTES: usize = 256;
-/// Room for the rest of that record.
+/// Bytes reserved for the rest of that record.
 const MORE_BYTES: usize = 1 << 16;
-/// A longer list was not written by this program.
+/// Maximum size of a claim file. A longer one was not written by this program.
 const MAX_CLAIM_BYTES: u64 = 1 << 30;
 
-/// Files of a folder that this process writes now, until it is dropped. It takes as much room on the disk as the note of what
-/// was written will need, so that a disk that becomes full does not keep the note from being written.
+/// Files of a folder that this process is writing; the claim ends when it is dropped.
+///
+/// The claim file takes as much disk space as the record of the written files will need. The record
+/// can therefore be written even if the disk becomes full.
 #[derive(Debug)]
 pub struct Claim {
     _file: AtomicFile,
 }
 
 impl Claim {
-    /// Claims files of a folder by their names below it. The folder must be locked ([`lock_folder`]).
+    /// Claims files of a folder by their names below it.
+    ///
+    /// The folder must be locked with [`lock_folder`].
     ///
     /// # Errors
-    /// When another export writes one of them now, or the disk is full.
+    ///
+    /// Returns an error if another export is writing one of them, or the disk is full.
     pub fn take(folder: &Path, names: &[String]) -> Result<Self> {
         if let Some(name) = names.iter().find(|name| is_being_written(folder, name)) {
             let file = folder.join(name);
@@ -250,7 +271,7 @@ impl Claim {
     }
 }
 
-/// Whether another export writes this file of a folder now.
+/// Returns whether another export is writing this file of a folder.
 pub fn is_being_written(folder: &Path, name: &str) -> bool {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let is_claim = |entry: &fs::DirEntry| {
@@ -266,7 +287,7 @@ pub fn is_being_written(folder: &Path, name: &str) -> bool {
             return false;
         }
         let text = disk::read_text_up_to(&entry.path(), MAX_CLAIM_BYTES).unwrap_or_default();
-        // One that cannot be read may be of any file.
+        // An unreadable claim may be for any file.
         let names: Vec<String> =
             serde_json::from_str(&text).unwrap_or_else(|_| vec![WHOLE_FOLDER.to_owned()]);
         name == WHOLE_FOLDER
@@ -276,11 +297,13 @@ pub fn is_being_written(folder: &Path, name: &str) -> bool {
     })
 }
 
-/// Keeps other exports from changing the record of a folder until it is dropped; waits for those that do. `None` where the
-/// system has no such locks.
+/// Locks the record of a folder against other exports until the returned file is dropped.
+///
+/// Waits for other exports that hold the lock. Returns `None` if the system has no such locks.
 ///
 /// # Errors
-/// When the folder cannot be opened.
+///
+/// Returns an error if the folder cannot be opened.
 pub fn lock_folder(folder: &Path) -> Result<Option<File>> {
     if cfg!(not(unix)) {
         return Ok(None);
@@ -296,7 +319,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_claimed_cannot_be_claimed_again_until_it_is_given_back() {
+    fn claimed_files_cannot_be_claimed_again_until_released() {
         let dir = tempfile::tempdir().unwrap();
         let claim = |names: &[&str]| {
             Claim::take(
@@ -323,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_killed_export_claimed_is_free() {
+    fn files_claimed_by_a_killed_export_are_free() {
         let dir = tempfile::tempdir().unwrap();
         fs::write(dir.path().join(".ostra-exporting.x.tmp"), r#"["a.ply"]"#).unwrap();
         Claim::take(dir.path(), &["a.ply".to_owned()]).unwrap();

@@ -1,4 +1,7 @@
-//! Where exports may write: never over a source, never into a project, never over files that OSTRA did not write.
+//! Rules for where exports may write.
+//!
+//! An export never overwrites a source, writes into a project, or replaces files that OSTRA did not
+//! write.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -14,25 +17,27 @@ use crate::export_record::{
 };
 use ostra_core::disk;
 
-/// The clock of a file system may lag behind the system's; before an export nothing of its names was there.
+/// Tolerance for a file system clock that lags behind the system clock.
+///
+/// It is safe because files with the names of the export did not exist before it.
 const CLOCK_LAG: Duration = Duration::from_secs(1);
 
-/// How the user replaces exports that may hold work of others.
+/// How the user replaces exports that may hold others' work, for error messages.
 const HOW: &str = "by --overwrite ('Replace changed exports' in the window)";
 
-/// The places that an export must not touch, and whether it may replace an earlier one.
+/// Paths that an export must not touch, and whether it may replace an earlier export.
 #[derive(Debug, Clone, Default)]
 pub struct ExportTargets {
-    /// Identity of each source → its path.
+    /// Path of each source, by its identity.
     sources: BTreeMap<FileId, PathBuf>,
-    /// The project's folder, links resolved.
+    /// The project's folder, with links resolved.
     root: Option<PathBuf>,
-    /// Files of an earlier export that were changed since may be replaced.
+    /// Whether files of an earlier export that were changed since may be replaced.
     overwrite: bool,
 }
 
 impl ExportTargets {
-    /// What an export of this project must not touch; `root` is the project's folder.
+    /// Creates the targets for exports of a project; `root` is the project's folder.
     #[must_use]
     pub fn of(project: &Project, root: Option<&Path>, overwrite: bool) -> Self {
         let mut paths: Vec<&Path> = Vec::new();
@@ -59,15 +64,19 @@ impl ExportTargets {
         }
     }
 
-    /// Refuses files that an export must not replace. A missing file and an empty one may always be written.
+    /// Checks that an export may write these files.
+    ///
+    /// Missing files and empty files may always be written.
     ///
     /// # Errors
-    /// One line that names the file, why it is kept, and what to do.
+    ///
+    /// Returns an error if a file must not be replaced. The one-line message names the file, the
+    /// reason, and what to do.
     pub fn check_files<'a>(&self, files: impl IntoIterator<Item = &'a Path>) -> Result<()> {
         let mut taken: BTreeMap<String, &Path> = BTreeMap::new();
         let mut records: BTreeMap<PathBuf, ExportRecord> = BTreeMap::new();
         for file in files {
-            // Names that differ in case alone are one file on many systems.
+            // Names that differ only in case are the same file on many systems.
             if let Some(other) = taken.insert(file.to_string_lossy().to_lowercase(), file) {
                 bail!(
                     "{} and {} would be the same file; choose another name for one of them",
@@ -127,10 +136,12 @@ impl ExportTargets {
         }
     }
 
-    /// Refuses a folder that holds files of others, and the project's own.
+    /// Checks that an export may write into a folder.
     ///
     /// # Errors
-    /// One line that names the folder, the first file that is kept, and what to do.
+    ///
+    /// Returns an error if the folder holds files that OSTRA did not export, or belongs to a
+    /// project. The one-line message names the folder, the first such file, and what to do.
     pub fn check_folder(&self, folder: &Path) -> Result<()> {
         self.check_outside(folder)?;
         match fs::metadata(folder) {
@@ -197,7 +208,7 @@ impl ExportTargets {
             .clone()
             .filter(|root| place.starts_with(root))
             .or_else(|| {
-                // Another project is as little a place for exports as the open one.
+                // Exports must not go into other projects either.
                 place
                     .ancestors()
                     .skip(1)
@@ -214,22 +225,29 @@ impl ExportTargets {
         }
     }
 
-    /// Exports files by `write`, which may leave some of them out. Its targets must have been checked. Those that it wrote
-    /// are known as exports afterwards, also where it failed.
+    /// Exports files with `write`, which may skip some of them.
+    ///
+    /// The targets must have been checked. The files that were written are recorded as exports,
+    /// even if `write` fails.
     ///
     /// # Errors
-    /// What `write` says; when a folder cannot be made or what was exported cannot be noted.
+    ///
+    /// Returns an error if `write` fails, a folder cannot be created, or the written files cannot
+    /// be recorded.
     pub fn write_files<T>(files: &[PathBuf], write: impl FnOnce() -> Result<T>) -> Result<T> {
         let (written, ended) = write_noted(files, &[], write);
         let written = written?;
         ended.map(|_| written)
     }
 
-    /// As [`Self::write_files`], with folders besides. Where it succeeds, what an earlier export left in these folders and
-    /// this one did not replace is removed; how many files of which folder is returned as warnings.
+    /// Exports files and whole folders with `write`.
+    ///
+    /// On success, files of an earlier export that remain in these folders are removed. The
+    /// returned warnings say how many files were removed from which folder.
     ///
     /// # Errors
-    /// As [`Self::write_files`].
+    ///
+    /// Returns the errors of [`Self::write_files`].
     pub fn write_all<T>(
         files: &[PathBuf],
         folders: &[PathBuf],
@@ -244,7 +262,7 @@ impl ExportTargets {
     }
 }
 
-/// What `write` says, and the warnings of [`end`].
+/// Returns the result of `write` and the warnings of [`end`].
 fn write_noted<T>(
     files: &[PathBuf],
     folders: &[PathBuf],
@@ -267,16 +285,18 @@ fn stamps(files: impl IntoIterator<Item = PathBuf>) -> BTreeMap<PathBuf, Stamp> 
         .collect()
 }
 
-/// A folder that is exported into.
+/// A folder that receives exports.
 struct Begun {
     folder: PathBuf,
     claim: Claim,
-    /// What was in it, where all of its files are exports.
+    /// The files in it before the export, if all of its files are exports.
     whole: Option<BTreeMap<PathBuf, Stamp>>,
 }
 
-/// Notes what is about to be written, so that it is known what an export that is killed may have left, and claims it, so
-/// that no other export writes it meanwhile.
+/// Records and claims the files that are about to be written.
+///
+/// The record shows which files a killed export may have left. The claim keeps other exports from
+/// writing them at the same time.
 fn begin(files: &[PathBuf], folders: &[PathBuf]) -> Result<Vec<Begun>> {
     let mut names: BTreeMap<&Path, Vec<String>> = BTreeMap::new();
     for file in files {
@@ -316,7 +336,7 @@ fn begin(files: &[PathBuf], folders: &[PathBuf]) -> Result<Vec<Begun>> {
     names.into_iter().map(begin_folder).collect()
 }
 
-/// Notes what was written: what is not as it was before.
+/// Records the files that differ from their state before the export.
 fn end(
     files: &[PathBuf],
     before: &BTreeMap<PathBuf, Stamp>,
@@ -331,7 +351,7 @@ fn end(
     } in begun
     {
         let _locked = lock_folder(&folder)?;
-        // Gives the room back that the record needs.
+        // Frees the disk space that the record needs.
         drop(claim);
         disk::remove_leftovers(&folder, whole.is_some());
         let mut record = ExportRecord::read(&folder, RECORD);
@@ -350,8 +370,10 @@ fn end(
     Ok(warnings)
 }
 
-/// Notes what was written into a folder that holds exports only, and removes what an earlier one left where this one is
-/// complete; says what.
+/// Records the files written into a folder that holds only exports.
+///
+/// If the export is complete, removes what an earlier export left there, and returns a warning
+/// about it.
 fn end_folder(
     folder: &Path,
     record: &mut ExportRecord,
@@ -384,7 +406,7 @@ fn is_written(before: &BTreeMap<PathBuf, Stamp>, file: &Path) -> bool {
     Stamp::of(file).is_some_and(|stamp| before.get(file) != Some(&stamp))
 }
 
-/// Now, less the lag of a file system's clock, in nanoseconds since 1970.
+/// Returns the current time minus [`CLOCK_LAG`], in nanoseconds since 1970.
 fn now_ns() -> u128 {
     let now = SystemTime::now()
         .duration_since(UNIX_EPOCH)
@@ -406,7 +428,9 @@ fn folder_of(file: &Path) -> &Path {
         .unwrap_or(Path::new("."))
 }
 
-/// The absolute place of a path that may not exist yet: links of what exists are resolved, `..` too.
+/// Returns the absolute form of a path that may not exist yet.
+///
+/// `..` and the links in its existing part are resolved.
 fn resolved(path: &Path) -> PathBuf {
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let mut place = PathBuf::new();

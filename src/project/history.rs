@@ -5,25 +5,28 @@ use serde::{Deserialize, Serialize};
 use crate::Edit;
 use ostra_masks::RunMask;
 
-/// An edit with the one that takes it back.
+/// An edit with its inverse.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Change {
-    /// What was done.
+    /// The edit.
     pub edit: Edit,
-    /// What takes it back.
+    /// Its inverse.
     pub inverse: Edit,
 }
 
-/// What one undo takes back: a brush stroke, a prompt, a whole tracking run.
+/// The unit of undo: a brush stroke, a prompt, a whole tracking run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Step {
-    /// For people, e.g. `Paint leaf on frame 3`.
+    /// Title to display, e.g. `Paint leaf on frame 3`.
     pub title: String,
-    /// In the order they were made.
+    /// Changes in the order in which they were made.
     pub changes: Vec<Change>,
 }
 
-/// Steps done and steps taken back. Holds no project: it says which edits lead back and forth. Cheap to clone.
+/// The undo and redo stacks of a project.
+///
+/// The history does not hold the project, only the edits that lead back and forth. It is cheap to
+/// clone.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct History {
     done: Vec<Arc<Step>>,
@@ -31,7 +34,7 @@ pub struct History {
 }
 
 impl Change {
-    /// The pixels of a frame's mask before the change, where it changes them.
+    /// Returns the pixels of a frame's mask before the change, if the change affects them.
     fn pixels_before(&self, frame: usize) -> Option<Arc<RunMask>> {
         let runs = |edit: &Edit| match edit {
             Edit::SetMask { frame: of, mask } if *of == frame => {
@@ -49,7 +52,7 @@ impl Change {
 }
 
 impl Step {
-    /// The edits that do the step again.
+    /// Returns the edits that redo the step.
     #[must_use]
     pub fn forth(&self) -> Vec<Edit> {
         self.changes
@@ -58,7 +61,7 @@ impl Step {
             .collect()
     }
 
-    /// The edits that take the step back, last change first.
+    /// Returns the edits that undo the step, last change first.
     #[must_use]
     pub fn back(&self) -> Vec<Edit> {
         self.changes
@@ -68,7 +71,7 @@ impl Step {
             .collect()
     }
 
-    /// About as many bytes as the step takes in memory and on disk.
+    /// Returns the approximate size of the step in memory and on disk, in bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.changes
@@ -79,13 +82,15 @@ impl Step {
 }
 
 impl History {
-    /// Adds a step just made; what had been taken back can no longer be done again.
+    /// Adds a new step and clears the redo stack.
     pub fn push(&mut self, step: Step) {
         self.undone.clear();
         self.done.push(Arc::new(step));
     }
 
-    /// Adds changes to the last step (a tracking run arrives in pieces); without one they become a step.
+    /// Adds changes to the last step, or creates a step if there is none.
+    ///
+    /// A tracking run arrives in several parts.
     pub fn extend(&mut self, step: Step) {
         self.undone.clear();
         match self.done.last_mut() {
@@ -94,29 +99,31 @@ impl History {
         }
     }
 
-    /// Moves the last step to those taken back.
+    /// Moves the last step to the redo stack.
     pub fn undo(&mut self) {
         self.undone.extend(self.done.pop());
     }
 
-    /// Moves the step taken back last to those done.
+    /// Moves the last undone step back to the undo stack.
     pub fn redo(&mut self) {
         self.done.extend(self.undone.pop());
     }
 
-    /// The step that undo takes back.
+    /// Returns the step that undo would revert.
     #[must_use]
     pub fn last(&self) -> Option<&Arc<Step>> {
         self.done.last()
     }
 
-    /// The step that redo does again.
+    /// Returns the step that redo would apply again.
     #[must_use]
     pub fn next(&self) -> Option<&Arc<Step>> {
         self.undone.last()
     }
 
-    /// The pixels of a frame's mask before the last step that changed them; empty where the frame had no mask then.
+    /// Returns the pixels of a frame's mask before the last step that changed them.
+    ///
+    /// The mask is empty if the frame had none at that time.
     #[must_use]
     pub fn mask_before(&self, frame: usize) -> Option<Arc<RunMask>> {
         let before = |step: &Arc<Step>| {
@@ -127,7 +134,7 @@ impl History {
         self.done.iter().rev().find_map(before)
     }
 
-    /// All steps, oldest first, and how many of the last are taken back.
+    /// Returns all steps, oldest first, and the number of steps at the end that are undone.
     pub fn steps(&self) -> (impl Iterator<Item = &Arc<Step>>, usize) {
         (
             self.done.iter().chain(self.undone.iter().rev()),
@@ -135,8 +142,9 @@ impl History {
         )
     }
 
-    /// Forgets the oldest steps until all take at most `bytes`; the newest step is always kept. Says whether any
-    /// was forgotten.
+    /// Drops the oldest steps until the total size is at most `bytes`.
+    ///
+    /// The newest step is always kept. Returns whether any step was dropped.
     pub fn keep(&mut self, bytes: usize) -> bool {
         let mut total: usize = self
             .done

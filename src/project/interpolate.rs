@@ -10,8 +10,9 @@ use crate::{Edit, FrameMask, MaskOrigin, Project, RangeRequest};
 use ostra_core::job::Progress;
 use ostra_masks::{LabelId, LabelMask, RunMask, ShapeBlend, transfer};
 
-/// The edits that give the frames between the first and the last of the range shapes between theirs. An anchor in
-/// between keeps the labels that it shows, and stays an anchor.
+/// Returns the edits that interpolate labels between the first and the last frame of the range.
+///
+/// A keyframe in between keeps the labels that it shows, and stays a keyframe.
 pub(crate) fn interpolate(
     project: &Project,
     request: &RangeRequest,
@@ -81,7 +82,7 @@ fn blended_frame(
     }))
 }
 
-/// A blend for each label that both ends show.
+/// Returns a blend for each label that both ends show.
 fn blends(
     project: &Project,
     request: &RangeRequest,

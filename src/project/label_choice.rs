@@ -4,7 +4,9 @@ use std::sync::Arc;
 use crate::{Edit, FrameMask, MaskOrigin, Project};
 use ostra_masks::{LabelId, RunMask, transfer};
 
-/// Which labels of a tracker's answers a project takes: all, or some, while the others stay as they are.
+/// The labels of a tracker's result that a project takes: all, or some of them.
+///
+/// The other labels stay unchanged.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct LabelChoice {
     labels: Option<BTreeSet<LabelId>>,
@@ -12,7 +14,9 @@ pub struct LabelChoice {
 }
 
 impl LabelChoice {
-    /// These labels, or all where none is named. With `replace` they are written over other labels too.
+    /// Chooses these labels, or all if the list is empty.
+    ///
+    /// With `replace`, they are written over other labels too.
     #[must_use]
     pub fn new(labels: &[LabelId], replace: bool) -> Self {
         let labels: BTreeSet<LabelId> = labels.iter().copied().collect();
@@ -22,14 +26,16 @@ impl LabelChoice {
         }
     }
 
-    /// The chosen labels; `None` = all.
+    /// Returns the chosen labels; `None` means all.
     #[must_use]
     pub fn labels(&self) -> Option<&BTreeSet<LabelId>> {
         self.labels.as_ref()
     }
 
-    /// The edit that gives a frame what a tracker answered; `None` for an anchor, which no tracker overwrites, and where the
-    /// frame or a label no longer exists.
+    /// Returns the edit that gives a frame the tracker's result.
+    ///
+    /// Returns `None` for a keyframe, which no tracker overwrites, and if the frame or a label no
+    /// longer exists.
     #[must_use]
     pub fn edit(&self, project: &Project, frame: usize, answer: FrameMask) -> Option<Edit> {
         let before = project.masks.get(&frame);
@@ -58,7 +64,9 @@ impl LabelChoice {
         })
     }
 
-    /// The frame's mask with the chosen labels' pixels and confidences of the answer, all else as before.
+    /// Returns the frame's mask with the chosen labels taken from the result.
+    ///
+    /// This applies to the labels' pixels and confidences. Everything else is as before.
     fn chosen_part(
         &self,
         labels: &BTreeSet<LabelId>,
@@ -103,7 +111,7 @@ mod tests {
         LabelChoice::new(&labels, replace)
     }
 
-    /// Frame 0 carries labels 1 and 2, frame 1 is an anchor, the others have no mask.
+    /// Returns a project with labels 1 and 2 on frame 0, a keyframe on frame 1, and no other masks.
     fn begun() -> Project {
         let mut project = project();
         let sure = BTreeMap::from([(LabelId(1), 0.5), (LabelId(2), 0.25)]);
@@ -131,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn the_other_labels_keep_pixels_and_confidence() {
+    fn other_labels_keep_their_pixels_and_confidence() {
         let mask = taken(&choice(&[1], false), 0, [0, 1, 1]).unwrap();
         assert_eq!(mask.runs, tracked([0, 2, 1]).runs);
         assert_eq!(
@@ -151,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_without_a_mask_gets_the_chosen_labels_alone() {
+    fn frame_without_a_mask_gets_only_the_chosen_labels() {
         assert_eq!(
             taken(&choice(&[1], false), 2, [2, 1, 2]).unwrap().runs,
             tracked([0, 1, 0]).runs
@@ -159,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn anchors_and_labels_that_are_gone_are_left_alone() {
+    fn keyframes_and_removed_labels_are_not_changed() {
         assert_eq!(taken(&choice(&[1], true), 1, [1, 1, 1]), None);
         assert_eq!(taken(&choice(&[], true), 1, [1, 1, 1]), None);
         assert_eq!(taken(&choice(&[7], true), 0, [7, 7, 7]), None);

@@ -1,4 +1,4 @@
-//! The edits that add, remove and merge labels.
+//! Edits that add, remove and merge labels.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -9,10 +9,11 @@ use crate::mask_edits::check_unlocked;
 use crate::{Edit, FrameMask, Marks, Project, RangeChange, RangeRequest, range};
 use ostra_masks::{Label, LabelId, LabelTree};
 
-/// A label with the next free id.
+/// Creates a label with the next free id.
 ///
 /// # Errors
-/// When all ids are taken or there is no parent of that name.
+///
+/// Returns an error if all ids are taken, or there is no label with the parent's name.
 pub fn new_label(
     tree: &LabelTree,
     name: &str,
@@ -38,7 +39,7 @@ pub fn new_label(
     })
 }
 
-/// The edits that remove a label with its prompts, pixels and marks.
+/// Returns the edits that remove a label with its prompts, pixels and marks.
 #[must_use]
 pub fn remove(project: &Project, id: LabelId) -> Vec<Edit> {
     let prompts = project.prompts.keys().filter(|(_, label)| *label == id);
@@ -58,7 +59,7 @@ pub fn remove(project: &Project, id: LabelId) -> Vec<Edit> {
     edits
 }
 
-/// The masks that hold the label, without its pixels.
+/// Returns the edits that remove a label's pixels from all masks.
 fn masks_without(project: &Project, id: LabelId) -> impl Iterator<Item = Edit> {
     let holding = project
         .masks
@@ -80,10 +81,12 @@ fn masks_without(project: &Project, id: LabelId) -> impl Iterator<Item = Edit> {
     })
 }
 
-/// The edits that give all a label has to another one, and remove it.
+/// Returns the edits that transfer everything of one label to another label and remove it.
 ///
 /// # Errors
-/// When a label is missing, both are the same, or one is locked on a frame that shows the first.
+///
+/// Returns an error if a label is missing, both are the same, or either is locked on a frame that
+/// shows the first.
 pub fn merge(project: &Project, label: LabelId, into: LabelId) -> Result<Vec<Edit>> {
     ensure!(
         label != into,
@@ -129,7 +132,9 @@ pub fn merge(project: &Project, label: LabelId, into: LabelId) -> Result<Vec<Edi
     Ok(edits)
 }
 
-/// The edits that move a label's children to another label. Where that one lies below the label, it takes the label's place.
+/// Returns the edits that move a label's children to another label.
+///
+/// If the other label is a descendant of the label, it takes the label's place in the tree.
 fn moved_children(project: &Project, label: LabelId, into: LabelId) -> Result<Vec<Edit>> {
     let tree = &project.labels;
     let gone = tree

@@ -1,4 +1,50 @@
-//! The project: its data, edits and history, and the store on disk.
+//! The project: its data, edits and history, and the files that store it.
+//!
+//! A [`Project`] holds the frames, the label tree, the prompts, one mask per frame, and records of
+//! the results. It changes only through [`Edit`]s. [`Project::apply`] returns the inverse of each
+//! edit, and a [`History`] of [`Step`]s gives undo and redo. [`OpenProject`] combines a project
+//! with its history and its folder: a step is either made in memory and on disk, or not at all. An
+//! edit that changes the input of a result marks the result as stale (see
+//! [`Project::consequences`]).
+//!
+//! The modules have these tasks:
+//!
+//! - [`store`] reads and writes the project's folder.
+//! - [`prompt`], [`mask_edits`], [`label_edits`] and [`range`] build edits.
+//! - [`suggestion`] describes unlabelled objects to work on next.
+//! - [`voted_cloud`] and [`reusable_votes`] hold a cloud with the votes behind its labels.
+//! - [`export_targets`] and [`export_record`] protect the user's files from exports.
+//!
+//! Frames are numbered from 0, and label 0 means unlabelled. Pixel coordinates have their origin at
+//! the top left corner of the image. Positions are in world units relative to [`Project::origin`],
+//! and confidences are between 0 and 1.
+//!
+//! # Example
+//!
+//! ```rust
+//! use ostra_masks::{Label, LabelId};
+//! use ostra_project::{Edit, Project};
+//!
+//! # fn main() -> anyhow::Result<()> {
+//! let id = LabelId(1);
+//! let leaf = Label {
+//!     id,
+//!     name: "leaf".into(),
+//!     color: [0, 160, 0],
+//!     parent: None,
+//! };
+//! let mut project = Project::default();
+//! let inverse = project.apply(Edit::SetLabel {
+//!     id,
+//!     label: Some(leaf),
+//! })?;
+//! assert_eq!(project.labels.by_name("leaf").map(|label| label.id), Some(id));
+//!
+//! project.apply(inverse)?;
+//! assert!(project.labels.by_name("leaf").is_none());
+//! # Ok(())
+//! # }
+//! ```
 
 mod apply;
 mod coordinates;

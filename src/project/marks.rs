@@ -5,31 +5,33 @@ use crate::{Edit, FrameMask, Marks, Project};
 use ostra_masks::{LabelId, RunMask, hold};
 
 impl Project {
-    /// What the user said of a label.
+    /// Returns the marks of a label.
     #[must_use]
     pub fn marks_of(&self, label: LabelId) -> Marks {
         self.marks.get(&label).cloned().unwrap_or_default()
     }
 
-    /// Labels whose pixels on a frame must stay as they are.
+    /// Returns the labels whose pixels on a frame are locked.
     #[must_use]
     pub fn locked_on(&self, frame: usize) -> BTreeSet<LabelId> {
         self.marked(|marks| marks.locked.contains(frame))
     }
 
-    /// Labels that trackers may not put on a frame.
+    /// Returns the labels that trackers may not put on a frame.
     #[must_use]
     pub fn absent_on(&self, frame: usize) -> BTreeSet<LabelId> {
         self.marked(|marks| marks.absent.contains(frame))
     }
 
-    /// A frame's mask without the labels that are hidden there: what is drawn, voted and exported.
+    /// Returns a frame's mask without the labels that are hidden there.
+    ///
+    /// This is the mask that is drawn, voted and exported.
     #[must_use]
     pub fn mask_in_play(&self, frame: usize) -> Option<Arc<RunMask>> {
         Some(self.in_play(frame, &self.masks.get(&frame)?.runs))
     }
 
-    /// `runs` without the labels that are hidden on a frame.
+    /// Returns `runs` without the labels that are hidden on a frame.
     #[must_use]
     pub fn in_play(&self, frame: usize, runs: &Arc<RunMask>) -> Arc<RunMask> {
         let hidden = self.marked(|marks| marks.hidden.contains(frame));
@@ -47,14 +49,14 @@ impl Project {
         }
     }
 
-    /// Masks without the labels that are hidden, by frame.
+    /// Returns all masks without their hidden labels, by frame.
     pub fn masks_in_play(&self) -> impl Iterator<Item = (usize, Arc<RunMask>)> + '_ {
         self.masks
             .keys()
             .filter_map(|&frame| Some((frame, self.mask_in_play(frame)?)))
     }
 
-    /// `runs` with the locked labels' pixels as they are on the frame now, and no others of theirs.
+    /// Returns `runs` with the locked labels' pixels exactly as they are on the frame now.
     #[must_use]
     pub fn with_locks(&self, frame: usize, runs: Arc<RunMask>) -> Arc<RunMask> {
         let locked = self.locked_on(frame);
@@ -69,8 +71,9 @@ impl Project {
         hold(&before, &runs, &locked).map_or(before, Arc::new)
     }
 
-    /// What of a tracker's answer a frame may take: nothing of labels that are not there, and locked labels as they
-    /// are.
+    /// Returns the part of a tracker's result that a frame may take.
+    ///
+    /// Labels marked as absent are removed, and locked labels keep their pixels.
     #[must_use]
     pub fn within_marks(&self, frame: usize, answer: FrameMask) -> FrameMask {
         let (absent, locked) = (self.absent_on(frame), self.locked_on(frame));
@@ -104,7 +107,7 @@ impl Project {
         }
     }
 
-    /// The edits that let labels be again where `edits` give frames masks that show them.
+    /// Returns the edits that clear absent marks where `edits` set masks that show the labels.
     #[must_use]
     pub fn there_again(&self, edits: &[Edit]) -> Vec<Edit> {
         let mut changed: BTreeMap<LabelId, Marks> = BTreeMap::new();

@@ -1,4 +1,4 @@
-//! Masks as a project holds them, and the edits that change the mask of one frame.
+//! The edits that change the mask of one frame, and conversions of a project's masks.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -8,8 +8,10 @@ use anyhow::{Context, Result, ensure};
 use crate::{Edit, FrameMask, MaskOrigin, Project};
 use ostra_masks::{LabelId, LabelMask, RunMask};
 
-/// The edits that give a frame a mask of the user's: the frame becomes an anchor, locked labels stay as they are, and
-/// labels that the mask shows are no longer marked as absent.
+/// Returns the edits that give a frame a mask made by the user.
+///
+/// The frame becomes a keyframe. Locked labels keep their pixels, and labels that the mask shows
+/// are no longer marked as absent.
 pub fn by_hand(project: &Project, frame: usize, mask: &LabelMask) -> Vec<Edit> {
     let runs = project.with_locks(frame, Arc::new(RunMask::encode(mask)));
     let mut edits = vec![Edit::SetMask {
@@ -20,10 +22,11 @@ pub fn by_hand(project: &Project, frame: usize, mask: &LabelMask) -> Vec<Edit> {
     edits
 }
 
-/// Refuses a label that is locked on the frame.
+/// Checks that a label is not locked on a frame.
 ///
 /// # Errors
-/// When the label is missing or locked there.
+///
+/// Returns an error if the label is missing, or locked there.
 pub fn check_unlocked(project: &Project, frame: usize, label: LabelId) -> Result<()> {
     let name = label_name(project, label)?;
     let locked = project.locked_on(frame).contains(&label);
@@ -34,20 +37,22 @@ pub fn check_unlocked(project: &Project, frame: usize, label: LabelId) -> Result
     Ok(())
 }
 
-/// A frame's mask as pixels; no label anywhere when it has none.
+/// Returns a frame's mask as pixels, without any label if the frame has no mask.
 ///
 /// # Errors
-/// When there is no such frame.
+///
+/// Returns an error if there is no such frame.
 pub fn mask_of(project: &Project, frame: usize) -> Result<LabelMask> {
     let of = project.frame(frame)?;
     let mask = project.masks.get(&frame).map(|mask| mask.runs.decode());
     Ok(mask.unwrap_or_else(|| LabelMask::empty(of.width, of.height)))
 }
 
-/// The name of a label.
+/// Returns the name of a label.
 ///
 /// # Errors
-/// When there is no such label.
+///
+/// Returns an error if there is no such label.
 pub fn label_name(project: &Project, id: LabelId) -> Result<&str> {
     let label = project
         .labels
@@ -56,12 +61,12 @@ pub fn label_name(project: &Project, id: LabelId) -> Result<&str> {
     Ok(&label.name)
 }
 
-/// An anchor with this mask.
+/// Returns a keyframe with this mask.
 pub fn anchor(mask: &LabelMask) -> FrameMask {
     anchor_of(Arc::new(RunMask::encode(mask)))
 }
 
-/// An anchor with these runs.
+/// Returns a keyframe with these runs.
 pub fn anchor_of(runs: Arc<RunMask>) -> FrameMask {
     FrameMask {
         runs,
@@ -71,8 +76,9 @@ pub fn anchor_of(runs: Arc<RunMask>) -> FrameMask {
     }
 }
 
-/// The edit that gives a frame other runs, with locked labels as they are; `None` when nothing changes. An anchor stays an
-/// anchor.
+/// Returns the edit that gives a frame other runs, or `None` if nothing changes.
+///
+/// Locked labels keep their pixels, and a keyframe stays a keyframe.
 pub fn changed(
     project: &Project,
     frame: usize,

@@ -9,24 +9,26 @@ use ostra_core::job::JobId;
 use ostra_core::job::Progress;
 use ostra_frames::Frame;
 
-/// A project with its folder and history: makes steps whole or not at all, in memory and on the disk alike.
+/// A project with its folder and history.
+///
+/// A step is either made in memory and on disk, or not at all.
 #[derive(Debug)]
 pub struct OpenProject {
     project: Arc<Project>,
     history: History,
     folder: Folder,
-    /// Which run made the last step, when it may still grow.
+    /// Run that made the last step, if that step can still grow.
     growing: Option<JobId>,
-    /// Counts the changes of the project since it was opened.
+    /// Number of changes to the project since it was opened.
     revision: u64,
-    /// Which version of the results stands under plain names; `None` = not known.
+    /// Version of the results that is published under plain names; `None` if unknown.
     published: Option<Option<u64>>,
-    /// The frames whose depth maps stand under plain names; `None` = not known.
+    /// Frames whose depth maps are published under plain names; `None` if unknown.
     published_depths: Option<Arc<Vec<Frame>>>,
 }
 
 impl OpenProject {
-    /// A project that was found in its folder.
+    /// Creates the open project from what was loaded from its folder.
     #[must_use]
     pub fn loaded(loaded: Loaded) -> Self {
         Self {
@@ -40,10 +42,11 @@ impl OpenProject {
         }
     }
 
-    /// Makes a folder for a new project.
+    /// Creates a folder for a new project.
     ///
     /// # Errors
-    /// As [`Folder::create`].
+    ///
+    /// Returns the errors of [`Folder::create`].
     pub fn create(root: &Path, project: Project) -> Result<Self> {
         let folder = Folder::create(root, &project)?;
         Ok(Self {
@@ -57,49 +60,53 @@ impl OpenProject {
         })
     }
 
-    /// The project as it is now; a snapshot costs nothing.
+    /// Returns the current project; cloning the `Arc` gives a cheap snapshot.
     #[must_use]
     pub fn project(&self) -> &Arc<Project> {
         &self.project
     }
 
-    /// Another number for each state of the project since it was opened.
+    /// Returns a number that differs for each state of the project since it was opened.
     #[must_use]
     pub fn revision(&self) -> u64 {
         self.revision
     }
 
-    /// Steps done and taken back.
+    /// Returns the steps done and undone.
     #[must_use]
     pub fn history(&self) -> &History {
         &self.history
     }
 
-    /// The run that made the last step, when that may still grow.
+    /// Returns the run that made the last step, if that step can still grow.
     #[must_use]
     pub fn growing_run(&self) -> Option<JobId> {
         self.growing
     }
 
-    /// Where it lies.
+    /// Returns the project's folder.
     #[must_use]
     pub fn root(&self) -> &Path {
         self.folder.root()
     }
 
-    /// Makes one step of the edits and what they make stale. Edits that change nothing are left out; says whether
-    /// any remained.
+    /// Makes one step of the edits and of what they make stale.
+    ///
+    /// Edits that change nothing are left out. Returns whether any remained.
     ///
     /// # Errors
-    /// When an edit is refused or the step cannot be saved; the project is as before.
+    ///
+    /// Returns an error if an edit is rejected or the step cannot be saved. The project is then
+    /// unchanged.
     pub fn commit(&mut self, title: &str, edits: Vec<Edit>) -> Result<bool> {
         self.make(title, edits, None)
     }
 
-    /// As [`Self::commit`], but edits of the same `run` become one step as long as nothing else is done between them.
+    /// Like [`Self::commit`], but consecutive edits of the same `run` become one step.
     ///
     /// # Errors
-    /// As [`Self::commit`].
+    ///
+    /// Returns the errors of [`Self::commit`].
     pub fn commit_part(&mut self, title: &str, edits: Vec<Edit>, run: JobId) -> Result<bool> {
         self.make(title, edits, Some(run))
     }
@@ -125,10 +132,11 @@ impl OpenProject {
         Ok(true)
     }
 
-    /// Takes the last step back; gives its title.
+    /// Undoes the last step and returns its title.
     ///
     /// # Errors
-    /// When there is none or it cannot be saved; the project is as before.
+    ///
+    /// Returns an error if there is none or it cannot be saved. The project is then unchanged.
     pub fn undo(&mut self) -> Result<String> {
         let Some(step) = self.history.last().cloned() else {
             bail!("there is nothing to undo")
@@ -144,10 +152,11 @@ impl OpenProject {
         Ok(step.title.clone())
     }
 
-    /// Does the step taken back last again; gives its title.
+    /// Redoes the last undone step and returns its title.
     ///
     /// # Errors
-    /// When there is none or it cannot be saved; the project is as before.
+    ///
+    /// Returns an error if there is none or it cannot be saved. The project is then unchanged.
     pub fn redo(&mut self) -> Result<String> {
         let Some(step) = self.history.next().cloned() else {
             bail!("there is nothing to redo")
@@ -173,25 +182,29 @@ impl OpenProject {
         self.save(act, back)
     }
 
-    /// A number for the files of a result in the making; its folder is there.
+    /// Returns a number for the files of a new result and creates its folder.
     ///
     /// # Errors
-    /// When the folder cannot be made, or the project is open for viewing.
+    ///
+    /// Returns an error if the folder cannot be created, or the project is open for viewing.
     pub fn next_version(&self) -> Result<u64> {
         self.folder.check_writable()?;
         store::next_version(self.root(), &self.project, &self.history)
     }
 
-    /// Why no step can be made; `None` where the project is open for writing.
+    /// Returns why no step can be made, or `None` if the project is open for writing.
     #[must_use]
     pub fn view_reason(&self) -> Option<&str> {
         self.folder.view_reason()
     }
 
-    /// Puts the files of the results in force under their plain names, unless the project is open for viewing.
+    /// Publishes the files of the current results under their plain names.
+    ///
+    /// Does nothing if the project is open for viewing.
     ///
     /// # Errors
-    /// When a file cannot be put in place.
+    ///
+    /// Returns an error if a file cannot be put in place.
     pub fn publish(&mut self) -> Result<()> {
         if self.view_reason().is_some() {
             return Ok(());
@@ -213,7 +226,9 @@ impl OpenProject {
         Ok(())
     }
 
-    /// Puts on the disk and into the history what the project already has; `back` takes it back if that fails.
+    /// Saves a change that the project already has to the disk and the history.
+    ///
+    /// If that fails, `back` reverts the project.
     fn save(&mut self, act: Act, back: Vec<Edit>) -> Result<()> {
         self.revision += 1;
         match self.folder.append(act) {
@@ -230,16 +245,17 @@ impl OpenProject {
         }
     }
 
-    /// Whether a checkpoint should be written, because the journal is long.
+    /// Returns whether a checkpoint should be written because the journal is long.
     #[must_use]
     pub fn is_due(&self) -> bool {
         self.folder.is_due()
     }
 
-    /// Gathers what a checkpoint of this state writes.
+    /// Collects what a checkpoint of the current state writes.
     ///
     /// # Errors
-    /// When the journal cannot be read.
+    ///
+    /// Returns an error if the journal cannot be read.
     pub fn checkpoint(&mut self) -> Result<Checkpoint> {
         self.history.keep(2 * HISTORY_BYTES);
         self.folder.checkpoint(&self.project, &self.history)
@@ -248,15 +264,17 @@ impl OpenProject {
     /// Notes that a checkpoint was written.
     ///
     /// # Errors
-    /// When the journal cannot be shortened; nothing is lost.
+    ///
+    /// Returns an error if the journal cannot be shortened. No data is lost.
     pub fn written(&mut self, written: Written) -> Result<()> {
         self.folder.written(written)
     }
 
-    /// Writes a checkpoint now, if anything happened since the last.
+    /// Writes a checkpoint now if anything happened since the last one.
     ///
     /// # Errors
-    /// When a file cannot be written; the journal holds everything.
+    ///
+    /// Returns an error if a file cannot be written. The journal still holds everything.
     pub fn save_now(&mut self) -> Result<()> {
         if !self.folder.is_unwritten() || self.view_reason().is_some() {
             return Ok(());
@@ -266,7 +284,9 @@ impl OpenProject {
     }
 }
 
-/// Applies edits and after each what it makes stale. Edits that change nothing are left out. All or none are applied.
+/// Applies edits, each followed by what it makes stale.
+///
+/// Edits that change nothing are left out. Either all edits are applied or none.
 fn apply_with_consequences(project: &mut Project, edits: Vec<Edit>) -> Result<Vec<Change>> {
     let mut changes: Vec<Change> = Vec::new();
     for edit in edits {

@@ -6,14 +6,17 @@ use crate::{Edit, Project};
 use ostra_frames::Frame;
 use ostra_frames::cameras::SparsePoints;
 
-/// Cameras farther from zero than this get an origin of their own. 32-bit floats are 0.06 mm apart just below it, and
-/// 0.5 m apart at the northings of UTM.
+/// Distance from zero beyond which cameras get an origin of their own.
+///
+/// The spacing of 32-bit floats is 0.06 mm just below it, and 0.5 m at the northings of UTM.
 const FAR: f64 = 1000.0;
-/// The origin is a multiple of this, so that it is short to write and exact in every format.
+/// Step of which the origin is a multiple, so that it is short to write and exact in every format.
 const STEP: f64 = 100.0;
 
-/// The origin that keeps positions near these frames' cameras exact in 32 bits; zero where they lie near zero already,
-/// or are spread so widely that no origin is nearer.
+/// Returns the origin that keeps positions near these frames' cameras exact in 32 bits.
+///
+/// Returns zero if the cameras are near zero already, or so far apart that no origin is near all of
+/// them.
 #[must_use]
 pub fn origin_near(frames: &[Frame]) -> DVec3 {
     let centres: Vec<DVec3> = frames
@@ -51,7 +54,9 @@ pub fn make_relative(frames: &mut [Frame], origin: DVec3) {
 }
 
 impl Project {
-    /// The frames with poses in the coordinates in which they were given, as other programs expect them.
+    /// Returns the frames with poses in the coordinates in which they were given.
+    ///
+    /// Other programs expect these coordinates.
     #[must_use]
     pub fn global_frames(&self) -> Arc<Vec<Frame>> {
         let mut frames = Arc::clone(&self.frames);
@@ -62,7 +67,7 @@ impl Project {
         frames
     }
 
-    /// Sparse points of this project in the coordinates in which its cameras were given.
+    /// Returns sparse points of this project in the coordinates in which its cameras were given.
     #[must_use]
     pub fn global_points(&self, mut sparse: SparsePoints) -> SparsePoints {
         sparse
@@ -72,9 +77,10 @@ impl Project {
         sparse
     }
 
-    /// The edits that give a project an origin near its cameras where it needs one and has none: projects of earlier
-    /// versions keep all coordinates as they were given. What was found with the cameras is as good as before; only a
-    /// cloud is in other coordinates.
+    /// Returns the edits that give a project an origin near its cameras if it needs one.
+    ///
+    /// Projects of earlier versions have no origin and keep all coordinates as they were given.
+    /// Results made with the cameras stay valid, except for a cloud, whose coordinates differ.
     pub fn move_origin_near_cameras(&self) -> Vec<Edit> {
         let origin = if self.origin == DVec3::ZERO {
             origin_near(&self.frames)
@@ -163,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn a_project_without_an_origin_gets_one_and_undo_is_exact() {
+    fn project_without_an_origin_gets_one_and_undo_is_exact() {
         let utm = DVec3::new(500_012.25, 5_400_031.5, 312.0);
         let mut project = Project {
             frames: Arc::new(frames(&[utm])),

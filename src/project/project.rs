@@ -9,74 +9,76 @@ use crate::{ResultKind, ResultRecord};
 use ostra_frames::{Frame, FrameSet};
 use ostra_masks::{LabelId, LabelTree, Prompt, RunMask};
 
-/// All that is saved and undoable. It changes only through [`crate::Edit`].
+/// All data that is saved and undoable; it changes only through [`crate::Edit`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Project {
-    /// Frames in the project's order; a frame's number is its place here and never changes.
+    /// Frames in the project's order. A frame's number is its index here and never changes.
     pub frames: Arc<Vec<Frame>>,
-    /// What positions in the project are relative to, in the coordinates in which cameras were given; zero where these
-    /// are small. Positions are kept in 32 bits, which cannot hold millimetres at the size of UTM or ECEF coordinates.
+    /// Origin of the project's positions, in the coordinates in which cameras were given.
+    ///
+    /// It is zero if those coordinates are small. Positions are stored in 32 bits, which cannot
+    /// represent millimetres at the size of UTM or ECEF coordinates.
     pub origin: DVec3,
     /// The label tree.
     pub labels: LabelTree,
-    /// What the user gave, by frame number and label.
+    /// Prompts of the user, by frame number and label.
     pub prompts: BTreeMap<(usize, LabelId), Prompt>,
-    /// What the user said of labels over ranges of frames; none is empty.
+    /// Marks of labels over ranges of frames; none is empty.
     pub marks: BTreeMap<LabelId, Marks>,
-    /// One mask per frame that has any.
+    /// Masks by frame number; frames without a mask are missing.
     pub masks: BTreeMap<usize, FrameMask>,
-    /// What was made from all that, and from which state.
+    /// Records of the results that were made from this data.
     pub results: BTreeMap<ResultKind, ResultRecord>,
 }
 
 /// The mask of one frame, and where it comes from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FrameMask {
-    /// The labels, run-length encoded; as large as the frame.
+    /// Label of each pixel, run-length encoded, at the size of the frame.
     #[serde(with = "crate::store::packed_runs")]
     pub runs: Arc<RunMask>,
-    /// Anchors are never overwritten by a tracker.
+    /// Origin of the mask. Trackers never overwrite keyframes.
     pub origin: MaskOrigin,
-    /// Made from something that has changed since; kept until made anew. Never set on an anchor.
+    /// Whether an input of the mask has changed since it was made. Never set on a keyframe.
     #[serde(default)]
     pub stale: bool,
-    /// Per label in it, how sure the tracker was, 0–1; empty for an anchor.
+    /// Tracker's confidence per label in the mask, 0–1; empty for a keyframe.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub confidence: BTreeMap<LabelId, f32>,
 }
 
-/// Where a mask comes from.
+/// Origin of a mask.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MaskOrigin {
-    /// Prompted, painted, corrected, imported or accepted by the user.
+    /// Keyframe: prompted, painted, corrected, imported or accepted by the user.
     Anchor,
-    /// Carried here by a tracker.
+    /// Propagated by a tracker.
     Tracked,
 }
 
-/// What the user said of a label over ranges of frames.
+/// Statements of the user about a label over ranges of frames.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Marks {
-    /// It is not there: no tracker may put it on these frames.
+    /// Frames on which the label does not occur, so trackers may not put it there.
     #[serde(default, skip_serializing_if = "FrameSet::is_empty")]
     pub absent: FrameSet,
-    /// Its pixels stay exactly as they are, whoever tracks, clicks or paints.
+    /// Frames on which no tracking, prompt or brush may change the label's pixels.
     #[serde(default, skip_serializing_if = "FrameSet::is_empty")]
     pub locked: FrameSet,
-    /// Its pixels are kept but out of play: not drawn, not voted, not exported.
+    /// Frames on which the label's pixels are kept but not drawn, voted or exported.
     #[serde(default, skip_serializing_if = "FrameSet::is_empty")]
     pub hidden: FrameSet,
 }
 
 impl Marks {
-    /// Whether nothing was said.
+    /// Returns whether there are no marks.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.absent.is_empty() && self.locked.is_empty() && self.hidden.is_empty()
     }
 
-    /// The highest frame that something is said of.
+    /// Returns the last frame that has any mark.
     #[must_use]
     pub fn last(&self) -> Option<usize> {
         [&self.absent, &self.locked, &self.hidden]
@@ -86,17 +88,17 @@ impl Marks {
     }
 }
 
-/// How good the masks probably are.
+/// Estimate of how good the masks are.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimate {
-    /// Mean over labels and frames that have a mask of what the tracker made of itself, 0–1; an anchor counts 1.
+    /// Mean tracker confidence over labels and frames with a mask, 0–1; a keyframe counts as 1.
     pub accuracy: f64,
-    /// Frames with a mask.
+    /// Number of frames with a mask.
     pub frames: usize,
 }
 
 impl Project {
-    /// The anchors next to a frame: the last before it and the first after it.
+    /// Returns the last keyframe before a frame and the first one after it.
     #[must_use]
     pub fn neighbour_anchors(&self, frame: usize) -> (Option<usize>, Option<usize>) {
         let is_anchor = |(_, mask): &(&usize, &FrameMask)| mask.origin == MaskOrigin::Anchor;
@@ -109,8 +111,9 @@ impl Project {
         )
     }
 
-    /// Estimates how good the masks are; `None` while no mask shows a label. `labels_on` says how many labels a frame
-    /// shows.
+    /// Estimates how good the masks are, or returns `None` if no mask shows a label.
+    ///
+    /// `labels_on` returns the number of labels that a frame shows.
     pub fn estimate(&self, labels_on: impl Fn(usize) -> usize) -> Option<Estimate> {
         let (mut sum, mut count) = (0.0, 0usize);
         for (&frame, mask) in &self.masks {
@@ -142,7 +145,7 @@ mod tests {
     use crate::testing::{anchor, project, tracked};
 
     #[test]
-    fn anchors_are_sure_and_empty_masks_say_nothing() {
+    fn keyframes_count_as_certain_and_empty_masks_are_ignored() {
         let mut project = project();
         assert_eq!(project.estimate(|_| 1), None);
         for (frame, mask) in [anchor([1, 2, 0]), tracked([1, 0, 0]), anchor([0; 3])]

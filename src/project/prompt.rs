@@ -1,6 +1,8 @@
-//! What a prompt means on a frame: which answer it refines, what a segmenter is asked, and which pixels its answer takes.
+//! The meaning of a prompt on a frame.
 //!
-//! Window, command line, preview and simulated users all go through [`PromptMeaning`], so that they agree.
+//! It consists of the mask that the prompt refines, the questions to the segmenter, and the pixels
+//! that the answer may take. Window, command line, preview and simulated users all use
+//! [`PromptMeaning`], so that they agree.
 
 use anyhow::{Context, Result, ensure};
 
@@ -12,25 +14,25 @@ use ostra_masks::{
     SegmentRequest, compose, erase, landmarks, taken_by_others,
 };
 
-/// What a prompt means on a frame with the mask, prompts and labels that it has.
+/// The meaning of a prompt on a frame, given the frame's mask, prompts and labels.
 #[derive(Debug, Clone)]
 pub struct PromptMeaning {
     frame: usize,
     label: LabelId,
-    /// As the project stores it.
+    /// The prompt as the project stores it.
     prompt: Prompt,
     /// The mask that the answer is composed into.
     mask: LabelMask,
     /// The pixels that the first question refines.
     previous: Option<Region>,
-    /// In order; the answer to each is refined by the next, and the last answer counts.
+    /// Questions in order. Each refines the answer to the one before, and the last answer counts.
     questions: Vec<Question>,
     /// Labels whose pixels the answer may take.
     yielding: Vec<LabelId>,
     of: State,
 }
 
-/// What a segmenter is asked.
+/// One request to the segmenter.
 #[derive(Debug, Clone)]
 struct Question {
     prompt: Prompt,
@@ -38,7 +40,7 @@ struct Question {
     taken: Option<Region>,
 }
 
-/// What a meaning depends on besides the prompt.
+/// The state that a meaning depends on, apart from the prompt itself.
 #[derive(Debug, Clone, PartialEq)]
 struct State {
     mask: Option<FrameMask>,
@@ -61,10 +63,11 @@ impl State {
 }
 
 impl PromptMeaning {
-    /// What a prompt means to the project as it is.
+    /// Interprets a prompt for the current project.
     ///
     /// # Errors
-    /// When there is no such frame.
+    ///
+    /// Returns an error if there is no such frame.
     pub fn new(project: &Project, request: &PromptRequest) -> Result<Self> {
         let mask = mask_of(project, request.frame)?;
         let before = project.prompts.get(&(request.frame, request.label));
@@ -74,7 +77,7 @@ impl PromptMeaning {
             .filter(|region| region.area() > 0);
         let clicks = request.prompt.clicks.len();
         let first = if corrects {
-            // Of several new clicks on a mask each is answered on its own.
+            // If a mask gets several new clicks, each click is answered separately.
             clicks.min(1 + before.map_or(0, |before| before.clicks.len()))
         } else {
             clicks
@@ -105,16 +108,17 @@ impl PromptMeaning {
         })
     }
 
-    /// Whether the prompt still means this to the project.
+    /// Returns whether the prompt still has this meaning for the project.
     #[must_use]
     pub fn is_of(&self, project: &Project) -> bool {
         self.of == State::of(project, self.frame)
     }
 
-    /// The pixels that the prompt asks for, given all else that the frame shows.
+    /// Segments the pixels that the prompt asks for, given everything else on the frame.
     ///
     /// # Errors
-    /// What the segmenter says, or on a stop.
+    ///
+    /// Returns an error if the segmenter fails or is stopped.
     pub fn segment(&self, ready: &dyn PreparedFrame, progress: &Progress) -> Result<Region> {
         let mut answer = None;
         for question in &self.questions {
@@ -128,10 +132,11 @@ impl PromptMeaning {
         answer.context("the prompt is empty")
     }
 
-    /// The frame's mask with an answer composed into it.
+    /// Returns the frame's mask with an answer composed into it.
     ///
     /// # Errors
-    /// When the answer is of another size than the frame.
+    ///
+    /// Returns an error if the size of the answer differs from that of the frame.
     pub fn compose(&self, project: &Project, region: &Region) -> Result<LabelMask> {
         let mut mask = self.mask.clone();
         let answer = LabelAnswer {
@@ -144,10 +149,11 @@ impl PromptMeaning {
         Ok(mask)
     }
 
-    /// The edits that store the prompt and give the frame the mask with an answer composed into it.
+    /// Returns the edits that store the prompt and compose an answer into the frame's mask.
     ///
     /// # Errors
-    /// When the answer is of another size than the frame.
+    ///
+    /// Returns an error if the size of the answer differs from that of the frame.
     pub fn edits(&self, project: &Project, region: &Region) -> Result<Vec<Edit>> {
         let mask = self.compose(project, region)?;
         let mut edits = vec![Edit::SetPrompt {
@@ -160,10 +166,13 @@ impl PromptMeaning {
     }
 }
 
-/// The edits that take a label off a frame; a frame on which nothing is left is no longer a keyframe.
+/// Returns the edits that remove a label from a frame.
+///
+/// A frame without any remaining label is no longer a keyframe.
 ///
 /// # Errors
-/// When the frame or label is missing, or the label is not on the frame.
+///
+/// Returns an error if the frame or label is missing, or the label is not on the frame.
 pub fn without_label(project: &Project, frame: usize, label: LabelId) -> Result<Vec<Edit>> {
     let mut mask = mask_of(project, frame)?;
     let everywhere = Region {
@@ -194,9 +203,11 @@ pub fn without_label(project: &Project, frame: usize, label: LabelId) -> Result<
     Ok(edits)
 }
 
-/// Whether the new prompt is the former one and one click more, or the first click on a mask that a tracker brought: then the
-/// answer is refined. On a mask that is corrected there may be several clicks more, so that clicking faster than answers
-/// come does not lose the mask under the clicks.
+/// Returns whether the answer refines the label's current mask.
+///
+/// This holds if the new prompt is the former one plus one click, or the first click on a tracked
+/// mask. A mask that is being corrected may get several clicks more. Clicking faster than answers
+/// arrive then does not lose the mask under the clicks.
 fn refines(before: Option<&Prompt>, corrects: bool, prompt: &Prompt) -> bool {
     let nothing = Prompt::default();
     let before = before.unwrap_or(&nothing);
@@ -204,7 +215,7 @@ fn refines(before: Option<&Prompt>, corrects: bool, prompt: &Prompt) -> bool {
     goes_on && (prompt.clicks.len() == before.clicks.len() + 1 || corrects)
 }
 
-/// Whether a prompt's clicks correct a mask that the label had on the frame before any of them.
+/// Returns whether the clicks correct a mask that the label had on the frame before any of them.
 fn corrects(before: Option<&Prompt>, mask: &LabelMask, request: &PromptRequest) -> bool {
     let Prompt { clicks, boxes, .. } = &request.prompt;
     match before {
@@ -215,8 +226,10 @@ fn corrects(before: Option<&Prompt>, mask: &LabelMask, request: &PromptRequest) 
     }
 }
 
-/// The prompt of the label, and excluding clicks where other labels of the frame were clicked. Labels above or below the
-/// label are no rivals. For a mask without clicks, the middles of its parts stand in.
+/// Returns the label's prompt with excluding clicks where other labels of the frame were clicked.
+///
+/// Ancestors and descendants of the label are not excluded. For a mask without clicks, the deepest
+/// points of its parts stand in.
 fn against_rivals(project: &Project, mask: &LabelMask, request: &PromptRequest) -> Prompt {
     let mut prompt = request.prompt.clone();
     let Some(newest) = prompt.clicks.last().map(|click| click.at_px) else {
@@ -260,13 +273,14 @@ fn against_rivals(project: &Project, mask: &LabelMask, request: &PromptRequest) 
     prompt
 }
 
-/// Most parts of a mask without clicks that get a stand-in.
+/// Maximum number of parts of a mask without clicks that get a stand-in.
 const STAND_INS: usize = 8;
-/// Stand-ins keep this far from the newest click, because what lies there may be wrong.
+/// Minimum distance of a stand-in from the newest click, because the mask may be wrong near it.
 const STAND_IN_AWAY_PX: f64 = 20.0;
 
-/// The label that gives way to an answer: the one in whose pixels the newest click lies, if that click includes, because
-/// the user marks the label as wrong there.
+/// Returns the label under the newest click, which gives way to an answer, if the click includes.
+///
+/// The click marks that label as wrong there.
 fn giving_way(project: &Project, mask: &LabelMask, request: &PromptRequest) -> Vec<LabelId> {
     let newest = request.prompt.clicks.last().filter(|click| click.include);
     let contested = newest
@@ -279,7 +293,9 @@ fn giving_way(project: &Project, mask: &LabelMask, request: &PromptRequest) -> V
         .collect()
 }
 
-/// The pixels that an answer may not take: those of other labels, but for parts of the label.
+/// Returns the pixels of other labels, which an answer may not take.
+///
+/// Descendants of the label are excepted.
 fn taken(project: &Project, mask: &LabelMask, request: &PromptRequest) -> Option<Region> {
     let mut open = giving_way(project, mask, request);
     open.extend(project.labels.descendants(request.label));

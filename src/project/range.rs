@@ -1,4 +1,6 @@
-//! Changes of labels over a range of frames. Pixels of other labels, and labels that are locked, stay.
+//! Changes of labels over a range of frames.
+//!
+//! Pixels of other labels and of locked labels stay unchanged.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -13,16 +15,19 @@ use ostra_core::job::Progress;
 use ostra_frames::FrameSet;
 use ostra_masks::{Click, LabelId, Prompt, RunMask, transfer};
 
-/// Whether a change reads so many masks that it belongs on a worker thread.
+/// Returns whether a change reads so many masks that it should run on a worker thread.
 #[must_use]
 pub fn takes_time(change: RangeChange) -> bool {
     matches!(change, RangeChange::Interpolate | RangeChange::Split { .. })
 }
 
-/// The edits that make a change for these labels, which [`labels_of`] gives; none where there is nothing to change.
+/// Returns the edits that make a change for these labels, or none if nothing changes.
+///
+/// [`labels_of`] returns the labels.
 ///
 /// # Errors
-/// When the frames do not show what the change needs, or on a stop.
+///
+/// Returns an error if the frames do not show what the change needs, or the progress is stopped.
 pub fn edits(
     project: &Project,
     request: &RangeRequest,
@@ -53,10 +58,12 @@ pub fn edits(
     })
 }
 
-/// The labels that a request means.
+/// Returns the labels that a request applies to.
 ///
 /// # Errors
-/// When a label or frame that it names is missing, or the request contradicts itself.
+///
+/// Returns an error if a label or frame in the request is missing, or the request contradicts
+/// itself.
 pub fn labels_of(project: &Project, request: &RangeRequest) -> Result<BTreeSet<LabelId>> {
     project.frame(request.from)?;
     project.frame(request.to)?;
@@ -109,10 +116,11 @@ pub fn labels_of(project: &Project, request: &RangeRequest) -> Result<BTreeSet<L
     Ok(labels)
 }
 
-/// What a change is called in the list of steps.
+/// Returns the title of the step that makes a change.
 ///
 /// # Errors
-/// When a label that it names is missing.
+///
+/// Returns an error if a label in the request is missing.
 pub fn title(
     project: &Project,
     request: &RangeRequest,
@@ -145,7 +153,7 @@ pub fn title(
     })
 }
 
-/// The edits that change the marks of labels.
+/// Returns the edits that change the marks of labels.
 fn mark(project: &Project, labels: &BTreeSet<LabelId>, change: impl Fn(&mut Marks)) -> Vec<Edit> {
     let changed = labels.iter().filter_map(|&label| {
         let before = project.marks_of(label);
@@ -156,7 +164,9 @@ fn mark(project: &Project, labels: &BTreeSet<LabelId>, change: impl Fn(&mut Mark
     changed.collect()
 }
 
-/// Removes pixels, prompts and confidences. No tracker may bring the labels back there.
+/// Returns the edits that remove pixels, prompts and confidences of labels.
+///
+/// The labels are marked as absent, so that no tracker puts them there again.
 fn delete(project: &Project, request: &RangeRequest, labels: &BTreeSet<LabelId>) -> Vec<Edit> {
     let mut edits = without_prompts(project, request, labels);
     edits.extend(masks_of(project, request).filter_map(|(frame, mask)| {
@@ -186,7 +196,7 @@ fn delete(project: &Project, request: &RangeRequest, labels: &BTreeSet<LabelId>)
     edits
 }
 
-/// Gives pixels and their prompts to `into`.
+/// Returns the edits that transfer pixels and prompts to `into`.
 pub(crate) fn merge(
     project: &Project,
     request: &RangeRequest,
@@ -267,7 +277,9 @@ fn merged_prompts(
     edits
 }
 
-/// Copies labels of another frame's mask to the frames of the range, which become anchors.
+/// Returns the edits that copy labels of another frame's mask to the frames of the range.
+///
+/// These frames become keyframes.
 fn copy(
     project: &Project,
     request: &RangeRequest,
@@ -314,7 +326,7 @@ fn copy(
     Ok(edits)
 }
 
-/// The masks of the range.
+/// Returns the masks of the range.
 fn masks_of<'a>(
     project: &'a Project,
     request: &RangeRequest,
@@ -325,7 +337,7 @@ fn masks_of<'a>(
         .map(|(&frame, mask)| (frame, mask))
 }
 
-/// Removes the prompts of labels that are not locked there.
+/// Returns the edits that remove prompts of labels on frames where they are not locked.
 fn without_prompts(
     project: &Project,
     request: &RangeRequest,

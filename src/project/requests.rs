@@ -8,11 +8,11 @@ use ostra_cloud::measure::{GroundChoice, LengthUnit};
 use ostra_frames::cameras::ModelEncoding;
 use ostra_masks::{LabelId, Prompt};
 
-/// Where cameras and depths come from.
+/// How cameras and depths are made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ReconstructMethod {
-    /// What the frames allow: given poses and depths are kept.
+    /// Automatic choice from what the frames provide; given poses and depths are kept.
     #[default]
     Auto,
     /// Cameras by structure from motion.
@@ -23,14 +23,16 @@ pub enum ReconstructMethod {
     Rgbd,
 }
 
-/// How to make cameras and depths.
+/// Settings of a reconstruction of cameras and depths.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ReconstructRequest {
     /// Method.
     pub method: ReconstructMethod,
-    /// Every n-th frame makes the reconstruction; the cameras of those between are placed in it.
+    /// Interval of the frames that are reconstructed.
+    ///
+    /// The cameras of the frames in between are registered to them.
     pub every: usize,
-    /// Where stereo runs.
+    /// Device that runs stereo.
     pub device: DeviceId,
     /// Feature detector.
     #[serde(default)]
@@ -38,16 +40,16 @@ pub struct ReconstructRequest {
     /// Feature matcher.
     #[serde(default)]
     pub matcher: MatcherId,
-    /// Registration of fragments of an RGB-D recording that have no other link.
+    /// Method that registers fragments of an RGB-D recording that have no other link.
     #[serde(default)]
     pub registration: RegistrationId,
-    /// Longer sides are worked on at this many pixels; none = as large as the engine takes.
+    /// Maximum longer side of the images in pixels; `None` means the engine's maximum.
     #[serde(default)]
     pub max_side: Option<u32>,
-    /// Only pixels with a label take part.
+    /// Whether only pixels with a label are used.
     #[serde(default)]
     pub only_labelled: bool,
-    /// Pairs of frames that are matched besides those that are chosen.
+    /// Additional pairs of frames to match.
     #[serde(default)]
     pub pairs: Vec<[usize; 2]>,
 }
@@ -68,12 +70,12 @@ impl Default for ReconstructRequest {
     }
 }
 
-/// A length that is known in the scene: a ruler, a marker, the distance of two points.
+/// A known length in the scene: a ruler, a marker, or the distance of two points.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ScaleRequest {
-    /// Its two ends.
+    /// Ends of the length.
     pub ends: [ScaleEnd; 2],
-    /// How far they are apart, metres.
+    /// Distance of the ends, in metres.
     pub length: f64,
 }
 
@@ -81,30 +83,30 @@ pub struct ScaleRequest {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ScaleEnd {
-    /// A point in world units as they are.
+    /// A point, in the current world units.
     World(DVec3),
-    /// Where two frames or more see it: frame number and pixel.
+    /// Observations of the point in two or more frames: frame number and pixel.
     Seen(Vec<(usize, DVec2)>),
 }
 
-/// How to make the labelled cloud.
+/// Settings of the labelled cloud.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct FuseRequest {
-    /// Edge of the voxel in world units; chosen from the data when absent.
+    /// Edge length of the voxels in world units; chosen from the data if absent.
     #[serde(default)]
     pub voxel: Option<f64>,
-    /// Points whose label won less than this share of the votes are dropped.
+    /// Minimum share of the votes for a point's label, 0–1; other points are dropped.
     #[serde(default)]
     pub min_confidence: Option<f32>,
-    /// Drop points without a label.
+    /// Whether points without a label are dropped.
     #[serde(default)]
     pub drop_unlabelled: bool,
-    /// Vote on the points of this cloud instead of making points.
+    /// Cloud whose points are labelled by vote, instead of making points.
     #[serde(default)]
     pub onto: Option<PathBuf>,
 }
 
-/// What to write where.
+/// Files to export.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct ExportRequest {
     /// Labelled cloud: `.ply`, `.las`, `.laz` or `.pcd`.
@@ -116,53 +118,58 @@ pub struct ExportRequest {
     /// Voxels: `.ply`, `.npz` or `.vox`.
     #[serde(default)]
     pub voxels: Option<PathBuf>,
-    /// COLMAP text model.
+    /// COLMAP model.
     #[serde(default)]
     pub cameras: Option<PathBuf>,
-    /// Text or binary.
+    /// Encoding of the COLMAP model: text or binary.
     #[serde(default)]
     pub camera_encoding: ModelEncoding,
-    /// Pictures and masks without lens distortion, with their cameras.
+    /// Images and masks without lens distortion, with their cameras.
     #[serde(default)]
     pub undistorted: Option<PathBuf>,
-    /// Voxels are filled with what they enclose.
+    /// Whether the space that the voxels enclose is filled.
     #[serde(default)]
     pub solid: bool,
     /// Folder for the masks.
     #[serde(default)]
     pub masks: Option<PathBuf>,
-    /// `davis` (palette PNGs and `labels.json`, when absent), `binary`, `coco` or `yolo`.
+    /// Mask format: `davis` (default), `binary`, `coco` or `yolo`.
+    ///
+    /// `davis` is palette PNGs and `labels.json`.
     #[serde(default)]
     pub mask_format: Option<String>,
-    /// 32-bit float TIFFs.
+    /// Folder for depth maps as 32-bit float TIFFs.
     #[serde(default)]
     pub depths: Option<PathBuf>,
     /// Measured traits.
     #[serde(default)]
     pub traits: Option<PathBuf>,
-    /// The plane above which their heights are measured.
+    /// Ground plane from which the heights of traits are measured.
     #[serde(default)]
     pub ground: GroundChoice,
-    /// Pairs of labels whose angle is told too, a row for each piece of the first.
+    /// Pairs of labels whose angle is exported too, with one row for each piece of the first label.
     #[serde(default)]
     pub angles: Vec<[LabelId; 2]>,
-    /// The unit of their lengths; that of the cloud when absent. A metric unit needs a scene whose scale is known.
+    /// Unit of the trait lengths; that of the cloud if absent.
+    ///
+    /// A metric unit requires a scene whose scale is known.
     #[serde(default)]
     pub unit: Option<LengthUnit>,
-    /// Read labels deeper than this as their ancestor there.
+    /// Maximum depth of labels; deeper labels are replaced by their ancestor at this depth.
     #[serde(default)]
     pub level: Option<usize>,
-    /// Write the same points in label colours beside the file.
+    /// Whether a copy of the cloud in label colours is written next to the file.
     #[serde(default)]
     pub twin: bool,
-    /// Write one file per label too.
+    /// Whether one more file per label is written.
     #[serde(default)]
     pub per_label: bool,
-    /// Share of the mesh's triangles to keep, above 0, up to 1; all when absent.
+    /// Share of the mesh's triangles to keep, above 0 and at most 1; all if absent.
     #[serde(default)]
     pub simplify: Option<f64>,
-    /// Replace files of an earlier export that were changed since. Sources and files that OSTRA did not write are never
-    /// replaced.
+    /// Whether files of an earlier export that were changed since are replaced.
+    ///
+    /// Sources and files that OSTRA did not write are never replaced.
     #[serde(default)]
     pub overwrite: bool,
 }
@@ -172,9 +179,9 @@ pub struct ExportRequest {
 pub struct PromptRequest {
     /// Frame number.
     pub frame: usize,
-    /// For which label.
+    /// Label that is prompted.
     pub label: LabelId,
-    /// All that is given (sets, not adds).
+    /// Complete prompt; it replaces the current one.
     pub prompt: Prompt,
     /// Segmenter that answers the prompt.
     pub segmenter: SegmenterId,
@@ -183,54 +190,57 @@ pub struct PromptRequest {
 /// A change of labels over a range of frames.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RangeRequest {
-    /// Which labels; none = all.
+    /// Labels to change; empty means all.
     pub labels: Vec<LabelId>,
     /// First frame.
     pub from: usize,
-    /// Last frame (included).
+    /// Last frame, inclusive.
     pub to: usize,
-    /// What is done.
+    /// The change.
     pub change: RangeChange,
-    /// Copied and interpolated labels are written over others too.
+    /// Whether copied and interpolated labels are written over other labels too.
     #[serde(default)]
     pub replace: bool,
 }
 
-/// What can be done to labels over a range of frames.
+/// A change of labels over a range of frames.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RangeChange {
-    /// They are not there: pixels and prompts go, and no tracker brings them back.
+    /// Removes pixels and prompts, and marks the labels as absent for trackers.
     Delete,
-    /// They may be there again; trackers find them.
+    /// Removes the absent mark, so that trackers may find the labels again.
     Restore,
-    /// Their pixels stay as they are, whoever tracks, clicks or paints.
+    /// Locks the pixels against tracking, prompts and brushes.
     Lock,
-    /// No longer so.
+    /// Removes the lock.
     Unlock,
-    /// Kept, but neither drawn, voted nor exported.
+    /// Keeps the labels, but does not draw, vote or export them.
     Hide,
-    /// No longer so.
+    /// Shows hidden labels again.
     Show,
-    /// Their pixels and clicks become another label's.
+    /// Transfers pixels and clicks to another label.
     Merge {
-        /// That label.
+        /// Label that receives them.
         into: LabelId,
     },
-    /// One piece of the label becomes another label; on the other frames what lies nearer to it than to the rest.
+    /// Gives one piece of the label to another label.
+    ///
+    /// On the other frames, the piece consists of the pixels nearer to it than to the rest of the
+    /// label.
     Split {
-        /// Where the piece is pointed at.
+        /// Frame on which the piece is selected.
         frame: usize,
         /// A pixel of the piece.
         at_px: DVec2,
-        /// The piece's label.
+        /// Label that receives the piece.
         into: LabelId,
     },
-    /// Between the first and the last frame of the range, shapes lie between theirs.
+    /// Interpolates shapes between the first and the last frame of the range.
     Interpolate,
-    /// As on another frame; the frames become anchors.
+    /// Copies the labels of another frame; the frames become keyframes.
     Copy {
-        /// That frame.
+        /// Frame to copy from.
         frame: usize,
     },
 }

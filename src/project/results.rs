@@ -3,11 +3,11 @@ use serde::{Deserialize, Serialize};
 use crate::{EngineName, FuseRequest, TrackerId};
 use ostra_cloud::measure::LengthUnit;
 
-/// The results that a project can hold.
+/// Kind of a result that a project can hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ResultKind {
-    /// Masks carried through the sequence.
+    /// Masks propagated through the sequence.
     Tracking,
     /// Camera poses.
     Cameras,
@@ -17,7 +17,7 @@ pub enum ResultKind {
     Cloud,
 }
 
-/// What made a result. Stored by name.
+/// Engine that made a result; stored by name.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(into = "String", from = "String")]
 pub enum ResultEngine {
@@ -32,7 +32,7 @@ pub enum ResultEngine {
     Stereo,
     /// Fusion of depth maps.
     Fuse,
-    /// A vote on the points of a given cloud.
+    /// Vote on the points of a given cloud.
     Onto,
     /// A tracker.
     Tracker(TrackerId),
@@ -90,38 +90,41 @@ impl From<ResultEngine> for String {
     }
 }
 
-/// How a result was made (provenance), and whether it still fits what it was made from.
+/// Provenance of a result, and whether its inputs have changed since.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct ResultRecord {
-    /// What made it.
+    /// Engine that made it.
     pub engine: ResultEngine,
-    /// Number of frames that took part.
+    /// Number of frames that were used.
     pub frames: usize,
-    /// Wall time it took.
+    /// Wall time in seconds.
     pub seconds: f64,
-    /// Made from something that has changed since.
+    /// Whether an input has changed since.
     #[serde(default)]
     pub stale: bool,
-    /// Options it was made with, for people to read.
+    /// Options that it was made with, as text for people.
     #[serde(default)]
     pub settings: String,
-    /// Names the files that hold the result under `versions/`, so that undo brings the earlier one back; 0 = the
-    /// result has no files of its own.
+    /// Number of the result's files under `versions/`; 0 if the result has no files of its own.
+    ///
+    /// Undo restores the earlier version.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub version: u64,
-    /// Edge of the voxels that the surface was made with, world units; `None` = the result has no surface.
+    /// Voxel size of the surface in world units; `None` if the result has no surface.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub voxel: Option<f64>,
-    /// A cloud's: a digest of all that its points were made of. While it stays, changed masks only vote again.
+    /// Digest of all inputs of a cloud's points.
+    ///
+    /// While the digest is unchanged, changed masks only require a new vote.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub geometry: Option<String>,
-    /// What its lengths were multiplied by since it was made, by setting the scale; `None` = by nothing.
+    /// Factor by which setting the scale has multiplied its lengths; `None` if it was never scaled.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scaled: Option<f64>,
-    /// Of cameras and clouds: what their positions are measured in; `None` in records of older versions.
+    /// Coordinates of cameras and clouds; `None` in records of older versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coordinates: Option<Coordinates>,
-    /// A cloud's: what was asked for, with lengths in the unit that it has now.
+    /// Settings of a cloud, with lengths in its current unit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub request: Option<FuseRequest>,
 }
@@ -131,22 +134,22 @@ fn is_zero(version: &u64) -> bool {
     *version == 0
 }
 
-/// What the positions of a result are measured in: results with equal coordinates fit each other.
+/// Coordinate system of a result; results with equal coordinates fit each other.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Coordinates {
-    /// Version of the result that the axes were chosen with; [`Self::OF_GIVEN_CAMERAS`] where they were given.
+    /// Version of the result that chose the axes, or [`Self::OF_GIVEN_CAMERAS`] if they were given.
     pub world: u64,
-    /// What lengths were multiplied by since the axes were chosen, by setting the scale.
+    /// Factor by which setting the scale has multiplied lengths since the axes were chosen.
     pub scale: f64,
     /// Unit of lengths.
     pub unit: LengthUnit,
 }
 
 impl Coordinates {
-    /// The world that given cameras stand in.
+    /// World of given cameras.
     pub const OF_GIVEN_CAMERAS: u64 = 0;
 
-    /// Coordinates that were chosen with a result, in metres or in an unknown unit.
+    /// Creates the coordinates chosen with a result, in metres or in an unknown unit.
     pub fn chosen_with(version: u64, is_metric: bool) -> Self {
         Self {
             world: version,
@@ -159,7 +162,7 @@ impl Coordinates {
         }
     }
 
-    /// The same axes after lengths were multiplied to be metres.
+    /// Returns the same axes after lengths were multiplied by `factor` to be in metres.
     pub fn scaled_by(self, factor: f64) -> Self {
         Self {
             scale: self.scale * factor,

@@ -1,5 +1,7 @@
-//! The votes behind the labels of the project's cloud: whether its points can be labelled again without making them
-//! again, and what mask they give a frame.
+//! The votes behind the labels of the project's cloud.
+//!
+//! They show whether its points can be relabelled without making them again, and which mask they
+//! give a frame.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -23,20 +25,23 @@ use ostra_masks::{LabelId, LabelMask};
 /// Version of the method that makes points and surfaces. A cloud of another version is made again.
 const FUSION: u32 = 2;
 
-/// The votes on the project's cloud. Where the cloud was made from the same frames, cameras, depths and options as it would
-/// be made from now, points and vertices stay, and only the masks vote again.
+/// The votes on the project's cloud.
+///
+/// If the cloud was made from the current frames, cameras, depths and options, its points and
+/// vertices are reused and only the masks vote again.
 #[derive(Debug)]
 pub struct ReusableVotes {
-    /// The record of the cloud.
+    /// Record of the cloud.
     pub record: ResultRecord,
     root: PathBuf,
-    /// The cloud and its votes, where they are in memory.
+    /// The cloud and its votes, if they are in memory.
     loaded: Option<VotedCloud>,
 }
 
 impl ReusableVotes {
-    /// The votes of the project's cloud where `request` would make the same points again; `None` where it would make others,
-    /// or could bring back points that were left out.
+    /// Returns the votes of the project's cloud if `request` would make the same points again.
+    ///
+    /// Returns `None` if it would make other points, or could bring back points that were left out.
     pub fn find(
         project: &Project,
         root: &Path,
@@ -49,7 +54,9 @@ impl ReusableVotes {
         same.then_some(before)
     }
 
-    /// The votes of the project's cloud, whatever the cloud was made from; `None` where there is no cloud.
+    /// Returns the votes of the project's cloud, or `None` if there is no cloud.
+    ///
+    /// The inputs of the cloud are not compared.
     pub fn in_force(project: &Project, root: &Path, loaded: Option<VotedCloud>) -> Option<Self> {
         version_in_force(project, ResultKind::Cloud)?;
         let record = project.results.get(&ResultKind::Cloud)?.clone();
@@ -60,10 +67,11 @@ impl ReusableVotes {
         })
     }
 
-    /// Returns the cloud with its votes; `None` where the frames that voted are not known.
+    /// Returns the cloud with its votes, or `None` if the frames that voted are unknown.
     ///
     /// # Errors
-    /// When a file is damaged, or the files do not belong together.
+    ///
+    /// Returns an error if a file is damaged, or the files do not belong together.
     pub fn load(&self, frames: &[Frame], progress: &Progress) -> Result<Option<VotedCloud>> {
         let loaded = match &self.loaded {
             Some(loaded) => loaded.clone(),
@@ -80,10 +88,13 @@ impl ReusableVotes {
         Ok(can_revote(loaded.cloud.len(), &loaded.votes).then_some(loaded))
     }
 
-    /// Labels the points again; `None` where the frames that voted are not known, or a file cannot be used.
+    /// Relabels the points of the cloud.
+    ///
+    /// Returns `None` if the frames that voted are unknown or a file cannot be used.
     ///
     /// # Errors
-    /// On a stop, or when a mask does not fit its frame.
+    ///
+    /// Returns an error if a mask does not fit its frame, or the progress is stopped.
     pub fn cloud(
         &self,
         views: &ProjectViews<'_>,
@@ -92,7 +103,7 @@ impl ReusableVotes {
     ) -> Result<Option<Fused>> {
         let loaded = self.load(views.frames, progress);
         progress.check()?;
-        // The caller makes a cloud that cannot be read from the depths.
+        // If the cloud cannot be read, the caller makes it from the depths.
         let Ok(Some(loaded)) = loaded else {
             return Ok(None);
         };
@@ -105,10 +116,13 @@ impl ReusableVotes {
         )?))
     }
 
-    /// Labels the surface again; `None` where there is none, or the frames that voted are not known.
+    /// Relabels the surface.
+    ///
+    /// Returns `None` if there is no surface or the frames that voted are unknown.
     ///
     /// # Errors
-    /// On a stop, or when a mask does not fit its frame.
+    ///
+    /// Returns an error if a mask does not fit its frame, or the progress is stopped.
     pub fn surface(
         &self,
         views: &ProjectViews<'_>,
@@ -142,31 +156,34 @@ impl ReusableVotes {
     }
 }
 
-/// The mask that the vote of all frames gives a frame, for some labels or (none named) for all.
+/// The mask that the vote of all frames gives a frame, for some or all labels.
 #[derive(Debug, Clone, Copy)]
 pub struct MaskByVote<'a> {
-    /// The cloud whose labels are seen.
+    /// Cloud whose labels are projected.
     pub cloud: &'a LabelledCloud,
-    /// The votes behind them.
+    /// Votes behind the labels.
     pub votes: &'a Votes,
-    /// Number of the frame.
+    /// Frame number.
     pub frame: usize,
-    /// The labels; none = all.
+    /// Labels to project; empty means all.
     pub labels: &'a [LabelId],
 }
 
 impl MaskByVote<'_> {
-    /// Projects the labels into the frame, whose depth says what is hidden, where there is one.
+    /// Projects the labels into the frame.
+    ///
+    /// The frame's depth, if there is one, determines what is occluded.
     ///
     /// # Errors
-    /// When the frame is missing, or its mask and the votes do not fit together.
+    ///
+    /// Returns an error if the frame is missing, or its mask and the votes do not fit together.
     pub fn project(&self, project: &Project, depth: Option<&DepthMap>) -> Result<LabelMask> {
         let frame = project.frame(self.frame)?;
         let own = mask_of(project, self.frame)?;
         let voted = (self.cloud, self.votes);
         let mut mask = voted_mask(voted, (self.frame, frame), depth, &own, self.labels)?;
         for (id, own) in mask.ids.iter_mut().zip(&own.ids) {
-            // A label that was removed since the vote stays out.
+            // Labels that were removed since the vote are left out.
             if *id != LabelId::NONE && project.labels.get(*id).is_none() {
                 *id = *own;
             }
@@ -175,11 +192,14 @@ impl MaskByVote<'_> {
     }
 }
 
-/// Returns a digest of all that decides where points and vertices lie and which pixels see them: frames with their cameras
-/// and depths, the files these are read from as they are now, the options, and the program.
+/// Returns a digest of everything that determines points, vertices and the pixels that see them.
+///
+/// It includes the frames with their cameras and depths, the current state of the files they are
+/// read from, the options, and the program version.
 ///
 /// # Errors
-/// When a value has no JSON form.
+///
+/// Returns an error if a value cannot be represented in JSON.
 pub fn geometry_digest(project: &Project, request: &FuseRequest) -> Result<String> {
     let stamp = |path: &Path| {
         let meta = std::fs::metadata(path).ok()?;

@@ -1,4 +1,4 @@
-//! One piece of a label becomes another label, over a range of frames.
+//! Splitting one piece off a label over a range of frames.
 
 use anyhow::{Context, Result, ensure};
 use glam::DVec2;
@@ -8,17 +8,19 @@ use crate::{Edit, FrameMask, Project, RangeRequest};
 use ostra_core::job::Progress;
 use ostra_masks::{Click, Connectivity, LabelId, Prompt, Region, RunMask, components, nearer_part};
 
-/// Which piece of which label becomes another label.
+/// The piece of a label that becomes another label.
 pub(crate) struct Cut {
     pub label: LabelId,
     pub into: LabelId,
-    /// Where the piece is pointed at.
+    /// Frame on which the piece is selected.
     pub frame: usize,
     pub at_px: DVec2,
 }
 
-/// The edits that give a piece of a label to another one: on the frame pointed at, and from there both ways on every
-/// frame of the range what lies nearer to the piece than to the rest of the label.
+/// Returns the edits that give a piece of a label to another label.
+///
+/// From the selected frame, the piece is followed in both directions. On each frame it consists of
+/// the pixels nearer to the previous piece than to the rest of the label.
 pub(crate) fn split(
     project: &Project,
     request: &RangeRequest,
@@ -57,7 +59,7 @@ pub(crate) fn split(
     Ok(edits)
 }
 
-/// The piece of the label around the pixel pointed at, and the rest of the label.
+/// Returns the piece of the label around the selected pixel, and the rest of the label.
 fn pointed_at(project: &Project, cut: &Cut, runs: &RunMask) -> Result<(Region, Region)> {
     let name = label_name(project, cut.label)?;
     let whole = runs.region(cut.label);
@@ -88,7 +90,7 @@ fn pointed_at(project: &Project, cut: &Cut, runs: &RunMask) -> Result<(Region, R
     Ok((part, rest))
 }
 
-/// Cuts the label on the next frame; what it shows is what the frame after is compared with.
+/// Splits the label on the next frame, and stores the result in `last` for the frame after it.
 fn next_frame(
     project: &Project,
     cut: &Cut,
@@ -115,7 +117,7 @@ fn next_frame(
     Ok(edits)
 }
 
-/// The piece of a frame becomes the other label, with the clicks in it.
+/// Returns the edits that give the piece on a frame and the clicks in it to the other label.
 fn piece_edits(
     project: &Project,
     cut: &Cut,

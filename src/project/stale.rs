@@ -6,8 +6,10 @@ use ostra_frames::{DepthSource, Frame, FrameCamera};
 use ostra_masks::{Label, LabelId};
 
 impl Project {
-    /// The edits that mark stale what was made from what `edit` is about to change, to be applied in the same step
-    /// after it: stale, not gone. Frames that the project gains make nothing stale.
+    /// Returns the edits that mark as stale what depends on the data that `edit` changes.
+    ///
+    /// They are to be applied after it, in the same step. Stale results are kept. New frames make
+    /// nothing stale.
     #[must_use]
     pub fn consequences(&self, edit: &Edit) -> Vec<Edit> {
         match edit {
@@ -26,8 +28,10 @@ impl Project {
         }
     }
 
-    /// The frames with a tracked mask that an anchor on `frame` has a say in: all of them when masks are carried
-    /// through geometry, else those up to the next anchor on each side.
+    /// Returns the frames with tracked masks that a keyframe on `frame` influences.
+    ///
+    /// These are all of them if the tracking used geometry, and otherwise those up to the next
+    /// keyframe on each side.
     #[must_use]
     pub fn reach(&self, frame: usize) -> Vec<usize> {
         let everywhere = self
@@ -73,7 +77,7 @@ impl Project {
         edits
     }
 
-    /// What is hidden does not vote.
+    /// Hidden labels do not vote, so hiding or showing a label makes the cloud stale.
     fn after_marks(&self, label: LabelId, marks: &Marks) -> Vec<Edit> {
         let changed = self.marks_of(label).hidden != marks.hidden;
         if changed {
@@ -83,7 +87,7 @@ impl Project {
         }
     }
 
-    /// A cloud holds names and parents of labels; a colour is read when it is drawn.
+    /// A cloud holds the names and parents of labels. Colours are looked up when drawing.
     fn after_label(&self, before: Option<&Label>, label: Option<&Label>) -> Vec<Edit> {
         let (Some(before), Some(label)) = (before, label) else {
             return Vec::new();
@@ -129,7 +133,9 @@ impl Project {
         }
     }
 
-    /// Cameras or depths change: what was carried through them, made from them or seen by them is stale.
+    /// Returns the edits after a change of cameras or depths.
+    ///
+    /// Re-projected masks, depths made with the cameras, and the cloud become stale.
     fn after_geometry(&self) -> Vec<Edit> {
         let record = |kind| self.results.get(&kind);
         let mut edits = Vec::new();
@@ -145,7 +151,7 @@ impl Project {
         edits
     }
 
-    /// Marks tracked masks, and with them the tracking as a whole.
+    /// Marks tracked masks as stale, together with the tracking as a whole.
     fn stale_masks(&self, mut frames: Vec<usize>) -> Vec<Edit> {
         let any = !frames.is_empty();
         frames.retain(|frame| self.masks.get(frame).is_some_and(|mask| !mask.stale));
@@ -171,7 +177,9 @@ impl Project {
     }
 }
 
-/// A sensor's pictures may be moved to another place and tell the same.
+/// Returns whether two depth sources give the same depths.
+///
+/// Files of a sensor may have moved to another place.
 fn tells_the_same(before: &Option<DepthSource>, now: &Option<DepthSource>) -> bool {
     match (before, now) {
         (

@@ -1,4 +1,4 @@
-//! Things that no label explains, offered to be labelled.
+//! Suggestions of unlabelled objects.
 
 use crate::SegmenterId;
 use std::sync::Arc;
@@ -10,41 +10,41 @@ use ostra_masks::{
     Apartness, Click, LabelId, LabelMask, Prompt, Proposal, PxBox, Region, deepest_point, outlines,
 };
 
-/// A thing that no label explains, offered to be labelled.
+/// An unlabelled object that is suggested for labelling.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Suggestion {
-    /// The frame on which it was found.
+    /// Frame on which it was found.
     pub frame: usize,
     /// A pixel deep inside it.
     pub at_px: DVec2,
-    /// The box around it.
+    /// Bounding box.
     pub around_px: PxBox,
-    /// Its borders as closed rings of corners in pixels.
+    /// Borders as closed rings of corners, in pixels.
     pub rings_px: Arc<[Vec<DVec2>]>,
-    /// Share of the frame that it takes, 0–1.
+    /// Share of the frame that it covers, 0–1.
     pub share: f64,
-    /// Why it is offered.
+    /// Why it is suggested.
     pub why: Reason,
 }
 
-/// Why a thing is offered.
+/// Why an object is suggested.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reason {
-    /// Something sets it apart from what is around it.
+    /// Its motion or depth differs from its surroundings.
     Apart(Apartness),
-    /// A segmenter takes it for one thing, with this confidence (0–1).
+    /// A segmenter considers it one object, with this confidence (0–1).
     Proposed(f32),
 }
 
-/// Most proposals that are offered.
+/// Maximum number of proposals.
 const MOST_PROPOSALS: usize = 40;
-/// Share of a proposal above which labels explain it already.
+/// Labelled share of a proposal above which it is not suggested.
 const EXPLAINED: f64 = 0.5;
-/// How far a ring may be off the pixels' borders.
+/// Maximum deviation of a ring from the pixel borders.
 const OFF_PX: f64 = 0.7;
 
 impl Suggestion {
-    /// Of the pixels of a thing; `None` where there are none.
+    /// Creates a suggestion from the pixels of an object; `None` if there are no pixels.
     #[must_use]
     pub fn of(frame: usize, region: &Region, why: Reason) -> Option<Self> {
         let (x, y) = deepest_point(region)?;
@@ -68,7 +68,7 @@ impl Suggestion {
         })
     }
 
-    /// The prompt that gives it to a label.
+    /// Returns the prompt that assigns the object to a label.
     #[must_use]
     pub fn prompt(&self, label: LabelId, segmenter: SegmenterId) -> PromptRequest {
         let clicks = vec![Click {
@@ -88,7 +88,7 @@ impl Suggestion {
         }
     }
 
-    /// One line for people.
+    /// Returns a one-line description for people.
     #[must_use]
     pub fn text(&self) -> String {
         let why = match self.why {
@@ -104,7 +104,10 @@ impl Suggestion {
     }
 }
 
-/// The proposals that no label of the frame explains, the most confident first.
+/// Returns the proposals that the frame's labels do not cover.
+///
+/// The proposals are expected with the most confident first. They keep their order, and their
+/// number is limited.
 #[must_use]
 pub fn unexplained(project: &Project, frame: usize, proposals: Vec<Proposal>) -> Vec<Suggestion> {
     let mask = project.masks.get(&frame).map(|mask| mask.runs.decode());
@@ -131,7 +134,7 @@ mod tests {
     use crate::{FrameMask, MaskOrigin};
     use ostra_masks::RunMask;
 
-    /// A square of 10 × 10 pixels from a corner, in a picture of 40 × 30.
+    /// Returns a square of 10 × 10 pixels at a corner, in an image of 40 × 30 pixels.
     fn square(x0: usize, y0: usize) -> Region {
         let is_in =
             |at: usize| (x0..x0 + 10).contains(&(at % 40)) && (y0..y0 + 10).contains(&(at / 40));
@@ -143,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn what_labels_explain_is_not_offered() {
+    fn labelled_objects_are_not_suggested() {
         let proposal = |(x, y): (usize, usize)| {
             let extent = PxBox {
                 min_px: glam::DVec2::ZERO,

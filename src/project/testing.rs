@@ -79,7 +79,7 @@ pub fn record(engine: &str) -> ResultRecord {
     }
 }
 
-/// Five frames, two labels, nothing else.
+/// Returns a project with five frames and two labels.
 pub fn project() -> Project {
     let mut project = Project::default();
     let frames = ["a/0.png", "a/1.png", "b/0.png", "b/1.jpg", "b/1.png"]

@@ -1,4 +1,4 @@
-//! The project's cloud with the votes behind its labels: its files, and its labels as the masks are now.
+//! The project's cloud with the votes behind its labels: reading, writing and relabelling.
 
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Write};
@@ -18,18 +18,20 @@ use ostra_core::disk::AtomicFile;
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore};
 
-/// Frames that vote again with all of their masks decoded at once; of more, one mask is read after the other.
+/// Maximum number of frames whose masks are decoded at once to vote again.
+///
+/// For more frames, the masks are read one after another.
 const FEW: usize = 8;
 
-/// Why a file of a result is missing.
+/// Message for a missing file of a result.
 pub const NOT_KEPT: &str = "the result of this step is not kept any more; fuse again";
 
 /// A labelled cloud and the votes behind its labels.
 #[derive(Debug, Clone)]
 pub struct VotedCloud {
-    /// The points.
+    /// Points of the cloud.
     pub cloud: Arc<LabelledCloud>,
-    /// The votes on them.
+    /// Votes on the points.
     pub votes: Arc<Votes>,
 }
 
@@ -37,7 +39,9 @@ impl VotedCloud {
     /// Reads a version of a project's cloud.
     ///
     /// # Errors
-    /// When a file is missing or damaged, or the two do not belong together.
+    ///
+    /// Returns an error if a file is missing or damaged, or the cloud and the votes do not belong
+    /// together.
     pub fn read(root: &Path, version: u64, frames: &[Frame], progress: &Progress) -> Result<Self> {
         let cloud = read_ply(&cloud_path(root, version), progress)
             .context(NOT_KEPT)?
@@ -49,17 +53,20 @@ impl VotedCloud {
         })
     }
 
-    /// Whether its points can be labelled again from the votes.
+    /// Returns whether the points can be relabelled from the votes.
     #[must_use]
     pub fn can_revote(&self) -> bool {
         can_revote(self.cloud.len(), &self.votes)
     }
 
-    /// With the labels of the masks now, for work that must not depend on whether a window let the cloud follow; as it is
-    /// where it is not known who voted.
+    /// Returns the cloud with labels from the current masks.
+    ///
+    /// This is for work that must not depend on whether the cloud in a window was kept up to date.
+    /// The cloud is returned unchanged if the frames that voted are unknown.
     ///
     /// # Errors
-    /// As [`vote_again`].
+    ///
+    /// Returns the errors of [`vote_again`].
     pub fn up_to_date(
         self,
         project: &Project,
@@ -74,10 +81,13 @@ impl VotedCloud {
         Ok(voted.unwrap_or(self))
     }
 
-    /// With the labels that the masks of the changed frames vote for now; `None` where that changes nothing.
+    /// Returns the cloud with labels after a new vote of the changed frames.
+    ///
+    /// Returns `None` if nothing changes.
     ///
     /// # Errors
-    /// As [`vote_again`].
+    ///
+    /// Returns the errors of [`vote_again`].
     pub fn relabelled(
         &self,
         project: &Project,
@@ -119,10 +129,11 @@ impl VotedCloud {
     }
 }
 
-/// A mesh with the labels that the masks vote for now.
+/// Returns a mesh with labels from the current masks.
 ///
 /// # Errors
-/// As [`vote_again`].
+///
+/// Returns the errors of [`vote_again`].
 pub fn relabelled_mesh(
     mesh: LabelledMesh,
     votes: &Votes,
@@ -144,7 +155,7 @@ pub fn relabelled_mesh(
     Ok(LabelledMesh { vertices, ..mesh })
 }
 
-/// Whether the project's cloud was made from inputs that changed since.
+/// Returns whether an input of the project's cloud has changed since it was made.
 #[must_use]
 pub fn is_stale(project: &Project) -> bool {
     project
@@ -153,17 +164,21 @@ pub fn is_stale(project: &Project) -> bool {
         .is_some_and(|record| record.stale)
 }
 
-/// Whether so many points can be labelled again from the votes: they are votes on these points, and frames are known
-/// that see them. Without any, masks made since would change nothing, and the points have to be made again.
+/// Returns whether this many points can be relabelled from the votes.
+///
+/// The votes must be on these points, and at least one frame must have voted. Otherwise new masks
+/// would not change any label, and the points have to be made again.
 #[must_use]
 pub fn can_revote(points: usize, votes: &Votes) -> bool {
     votes.len() == points && votes.frames().next().is_some()
 }
 
-/// Reads the votes on a cloud or mesh of so many points.
+/// Reads the votes on a cloud or mesh with this many points.
 ///
 /// # Errors
-/// When the file is missing or damaged, or belongs to other points or frames: a program may have replaced one of the files.
+///
+/// Returns an error if the file is missing or damaged, or belongs to other points or frames.
+/// Another program may have replaced one of the files.
 pub fn read_votes_on(path: &Path, points: usize, frames: &[Frame]) -> Result<Votes> {
     let votes = read_votes_file(path)?;
     ensure!(
@@ -189,10 +204,11 @@ fn read_votes_file(path: &Path) -> Result<Votes> {
         .with_context(|| format!("{}: is damaged; fuse again", path.display()))
 }
 
-/// Writes votes to a file, whole or not at all.
+/// Writes votes to a file atomically.
 ///
 /// # Errors
-/// When the file cannot be written.
+///
+/// Returns an error if the file cannot be written.
 pub fn save_votes(path: &Path, votes: &Votes) -> Result<()> {
     let write = || -> std::io::Result<()> {
         let mut file = AtomicFile::create(path)?;

@@ -5,10 +5,14 @@ use ostra_core::job::JobId;
 use ostra_project::OpenProject;
 
 impl Session {
-    /// Carries out a command: quick work at once, other work in a job whose end [`Session::poll`] reports.
+    /// Executes a command.
+    ///
+    /// Quick work is done immediately. Other work is done in a job, whose end [`Session::poll`]
+    /// reports.
     ///
     /// # Errors
-    /// When it cannot be done; nothing has changed then.
+    ///
+    /// Returns an error if the command cannot be executed. Nothing has changed then.
     pub fn act(&mut self, command: Command) -> Result<Option<JobId>> {
         command.check_numbers(self.project().map(AsRef::as_ref))?;
         let begun = self.begin(&command)?;
@@ -92,7 +96,7 @@ impl Session {
         Ok(())
     }
 
-    /// A run whose step is taken back is stopped, and what it still brings is not taken in.
+    /// Stops the run whose step is undone, and drops its further results.
     fn stop_growing_run(&mut self) {
         let run = self.open.as_ref().and_then(OpenProject::growing_run);
         if let Some(job) = run.and_then(|run| self.jobs.get_mut(run)) {

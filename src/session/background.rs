@@ -16,17 +16,21 @@ use ostra_masks::{LabelId, LabelTree, Region, RunMask};
 use ostra_project::ResultKind;
 use ostra_project::store::version_in_force;
 
-/// What can be asked for. Each value is made by a job when it is first asked for and when what it depends on has changed.
+/// Values computed in the background.
+///
+/// A job computes each value when it is first requested and when its inputs have changed.
 impl Session {
-    /// The project's labelled cloud, or that of the PLY which is inspected. A project's cloud is loaded by a job when
-    /// it is first asked for: `None` until [`Event::CloudChanged`](crate::Event::CloudChanged). Names and colours in its tree are those of the
-    /// time it was loaded; the project's own are the newest.
+    /// Returns the project's labelled cloud, or that of the inspected PLY.
+    ///
+    /// A job loads a project's cloud when it is first requested. The result is `None` until
+    /// [`Event::CloudChanged`](crate::Event::CloudChanged). The tree holds the names and colours at
+    /// loading time; the project has the current ones.
     #[must_use]
     pub fn cloud(&self) -> Option<&Arc<LabelledCloud>> {
         self.loaded_cloud().map(|loaded| &loaded.cloud)
     }
 
-    /// The votes behind the cloud's labels, as [`Self::cloud`]; `None` for a PLY that is inspected.
+    /// Returns the votes behind the labels of [`Self::cloud`]; `None` for an inspected PLY.
     #[must_use]
     pub fn votes(&self) -> Option<&Arc<Votes>> {
         self.loaded_cloud()?.votes.as_ref()
@@ -42,25 +46,28 @@ impl Session {
         known.map(|known| &**known.value)
     }
 
-    /// Version of the project's cloud; `None` where there is none.
+    /// Returns the version of the project's cloud, or `None` if there is no cloud.
     pub(crate) fn cloud_version(&self) -> Option<u64> {
         version_in_force(self.project()?, ResultKind::Cloud)
     }
 
-    /// Which cloud is in force, and what round of voting is in memory; `None` where there is none.
+    /// Returns the current cloud version and its round of voting, or `None` if there is no cloud.
     pub(crate) fn cloud_state(&self) -> Option<CloudState> {
         Some(self.background.cloud.state(self.cloud_version()?))
     }
 
-    /// Edge of the voxels of the surface that was made with the project's cloud, world units; `None` where there is no
-    /// cloud, or it has none (a cloud that was given).
+    /// Returns the voxel size of the surface of the project's cloud, in world units.
+    ///
+    /// Returns `None` if there is no cloud or it has no surface because it was given.
     #[must_use]
     pub fn surface_voxel(&self) -> Option<f64> {
         self.project()?.results.get(&ResultKind::Cloud)?.voxel
     }
 
-    /// The surface that was made with the project's cloud. As [`Self::cloud`] it is loaded by a job when it is first asked
-    /// for: `None` until [`Event::CloudChanged`](crate::Event::CloudChanged).
+    /// Returns the surface that was made with the project's cloud.
+    ///
+    /// Like [`Self::cloud`], a job loads it when it is first requested. The result is `None` until
+    /// [`Event::CloudChanged`](crate::Event::CloudChanged).
     #[must_use]
     pub fn mesh(&self) -> Option<&Arc<LabelledMesh>> {
         self.surface_voxel()?;
@@ -69,8 +76,10 @@ impl Session {
         Some(known.value)
     }
 
-    /// Triangles of the project's result to be drawn, labelled as the cloud in memory is. Made by a job as [`Self::mesh`] is
-    /// loaded; those of the round of voting before stand until then.
+    /// Returns the triangles to draw for the project's result.
+    ///
+    /// They have the labels of the cloud in memory. A job makes them when they are first requested.
+    /// After a new vote, the previous triangles are returned until the new ones are ready.
     #[must_use]
     pub fn surface(&self, surface: Surface) -> Option<&Arc<LabelledMesh>> {
         let key = SurfaceKey {
@@ -81,8 +90,10 @@ impl Session {
         Some(self.background.surface.get(key)?.value)
     }
 
-    /// The sparse model of the project's cameras where they were found by structure from motion. It is loaded by a job
-    /// when it is first asked for: `None` until [`Event::SparseChanged`](crate::Event::SparseChanged).
+    /// Returns the sparse model of the project's cameras if structure from motion found them.
+    ///
+    /// A job loads it when it is first requested. The result is `None` until
+    /// [`Event::SparseChanged`](crate::Event::SparseChanged).
     #[must_use]
     pub fn sparse(&self) -> Option<&Arc<SparseModel>> {
         let version = version_in_force(self.project()?, ResultKind::Cameras)?;
@@ -90,8 +101,10 @@ impl Session {
         Some(known.value)
     }
 
-    /// The instances that [`Command::Instances`](crate::Command::Instances) would make. As [`Self::cloud`] they are found by
-    /// a job when they are first asked for: `None` until [`Event::CloudChanged`](crate::Event::CloudChanged). Nothing is committed.
+    /// Returns the instances that [`Command::Instances`](crate::Command::Instances) would make.
+    ///
+    /// Like [`Self::cloud`], a job finds them when they are first requested. The result is `None`
+    /// until [`Event::CloudChanged`](crate::Event::CloudChanged). Nothing is committed.
     #[must_use]
     pub fn proposed_instances(&self, request: InstancesRequest) -> Option<&Arc<ProposedInstances>> {
         let cloud = self.cloud_state()?;
@@ -99,9 +112,10 @@ impl Session {
         Some(self.background.instances.get(key)?.value)
     }
 
-    /// By frame number, how much each mask contradicts the vote of all. It is worked out in the background when it is first
-    /// asked for and after masks changed; until then it is that of the masks before. Empty without a cloud that knows who
-    /// voted.
+    /// Returns the conflict of each mask with the vote of all frames, by frame number.
+    ///
+    /// It is computed in the background when first requested and after masks changed. Until then,
+    /// the previous result is returned. It is empty without a cloud whose voters are known.
     #[must_use]
     pub fn doubts(&self) -> &Arc<BTreeMap<usize, FrameDoubt>> {
         static NONE: LazyLock<Arc<Conflicts>> = LazyLock::new(Arc::default);
@@ -118,9 +132,12 @@ impl Session {
         Some(conflicts.get(key)?.value)
     }
 
-    /// The pixels of a frame to which accepting the vote of all would give another label, but for borders that lie a little
-    /// aside. It is worked out in the background when it is first asked for and when the mask, the cloud or the tree of labels
-    /// changed, one frame at a time; until then it is that of before. `None` until it is there.
+    /// Returns the pixels of a frame that would get another label by accepting the vote.
+    ///
+    /// Small differences along label borders are ignored. The pixels are computed in the
+    /// background, one frame at a time. This happens when they are first requested and when the
+    /// mask, the cloud or the label tree changed. Until then, the previous result is returned, or
+    /// `None` if there is none.
     #[must_use]
     pub fn contradicted(&self, frame: usize) -> Option<&Arc<Region>> {
         let cloud = self.cloud_state()?;
@@ -133,8 +150,10 @@ impl Session {
         Some(known?.value)
     }
 
-    /// The traits of the cloud's labels, in world units. They are measured by a job when they are first asked for and when
-    /// the cloud, the tree of labels or the settings are other ones: `None` until then.
+    /// Returns the traits of the cloud's labels, in world units.
+    ///
+    /// A job measures them when they are first requested and when the cloud, the label tree or the
+    /// settings change. The result is `None` until then.
     #[must_use]
     pub fn traits(&self, settings: MeasureSettings) -> Option<&Arc<Vec<TraitRow>>> {
         let of = self.measured_cloud()?;
@@ -142,8 +161,10 @@ impl Session {
         Some(known.value)
     }
 
-    /// Angles between labels of the cloud, and those asked for before. A job measures a pair when it is first asked for and
-    /// when the cloud or the tree of labels is another: it is not there until then.
+    /// Returns the angles between labels of the cloud, including pairs requested before.
+    ///
+    /// A job measures a pair when it is first requested and when the cloud or the label tree
+    /// changes. The pair is missing until then.
     #[must_use]
     pub fn angles(&self, pairs: impl IntoIterator<Item = [LabelId; 2]>) -> &Angles {
         static NONE: Angles = Angles::new();
@@ -165,8 +186,10 @@ impl Session {
         known.map_or(&NONE, |known| known.value)
     }
 
-    /// Unit of lengths in what the 3-D view shows: metres where depths, given cameras or a known length give the scale. A
-    /// cloud that is older than the scale of the cameras has no unit.
+    /// Returns the unit of lengths in the 3-D view.
+    ///
+    /// It is metres if depths, given cameras or a known length define the scale. A cloud that is
+    /// older than the scale of the cameras has no unit.
     #[must_use]
     pub fn length_unit(&self) -> LengthUnit {
         let Some(project) = self.project() else {
@@ -179,7 +202,9 @@ impl Session {
         }
     }
 
-    /// The points of the depths that are being made or placed; `None` unless a job does so and has a view done.
+    /// Returns the points of the depths that a running job is computing or placing.
+    ///
+    /// Returns `None` if there is no such job or none of its views is finished.
     #[must_use]
     pub fn growing_cloud(&self) -> Option<&Arc<LabelledCloud>> {
         let preview = &self.background.preview;
@@ -187,8 +212,10 @@ impl Session {
         Some(preview.cloud()).filter(|cloud| running && !cloud.is_empty())
     }
 
-    /// Asks what a prompt would give if it were sent, or, with `None`, for nothing any more. It is answered in the
-    /// background: one at a time, the newest request next, from the same prepared frame as a prompt. Nothing is committed.
+    /// Requests a preview of a prompt, or with `None` cancels the request.
+    ///
+    /// Requests are answered in the background one at a time, the newest first, from the same
+    /// prepared frame as a prompt. Nothing is committed.
     pub fn hover(&mut self, wanted: Option<PromptRequest>) {
         let preview = &mut self.background.prompt_preview;
         match wanted {
@@ -199,15 +226,20 @@ impl Session {
         self.start_prompt_preview();
     }
 
-    /// The answer to the newest request of [`Self::hover`], where it is there: a mask of that prompt's label alone.
+    /// Returns the answer to the newest request of [`Self::hover`], if it is ready.
+    ///
+    /// The mask contains only the label of the prompt.
     #[must_use]
     pub fn hovered(&self) -> Option<&Arc<RunMask>> {
         let (_, mask) = self.background.prompt_preview.newest()?;
         mask.as_ref().as_ref()
     }
 
-    /// Asks for the points that some steps choose in the project's cloud, or, with none, for nothing any more. They are found
-    /// in the background: one request at a time, the newest next. Asked again, it finds them again in a cloud that changed.
+    /// Requests the points that the steps select in the project's cloud.
+    ///
+    /// An empty list cancels the request. The selection is computed in the background, one request
+    /// at a time, the newest first. If the cloud has changed, requesting the same steps selects
+    /// again.
     pub fn select(&mut self, wanted: &[SelectStep]) {
         if wanted.is_empty() {
             self.background.selection.clear();
@@ -220,7 +252,10 @@ impl Session {
         self.start_selection();
     }
 
-    /// The points that the newest request of [`Self::select`] chooses, where they are found; else why there are none.
+    /// Returns the points selected by the newest request of [`Self::select`].
+    ///
+    /// The inner error says why the steps select no points. Returns `None` until the selection is
+    /// ready.
     #[must_use]
     pub fn selected(&self) -> Option<Result<&Arc<Selection>, &str>> {
         let (key, chosen) = self.background.selection.newest()?;
@@ -228,7 +263,7 @@ impl Session {
             .then(|| chosen.selection.as_ref().map_err(String::as_str))
     }
 
-    /// What was made ready for choosing points of a cloud, where it was.
+    /// Returns the prepared selector for a cloud, if there is one.
     pub(crate) fn selector_of(&self, cloud: &Arc<LabelledCloud>) -> Option<Arc<Selector>> {
         let (_, chosen) = self.background.selection.latest()?;
         chosen
@@ -237,15 +272,18 @@ impl Session {
             .filter(|selector| Arc::ptr_eq(selector.cloud(), cloud))
     }
 
-    /// Asks for labels of the project's cloud in memory ([`Self::cloud`], [`Self::votes`]) as the masks are now: after masks or
-    /// the tree of labels changed, the points vote again in the background, and [`Event::CloudChanged`](crate::Event::CloudChanged) reports it. Points stay
-    /// where they are, and files what they are until the cloud is fused. Asked once, it is done once; nothing happens while a
-    /// long job runs, nor where it is not known who voted.
+    /// Requests labels from the current masks for the project's cloud in memory.
+    ///
+    /// After masks or the label tree changed, the points of [`Self::cloud`] vote again in the
+    /// background, and [`Event::CloudChanged`](crate::Event::CloudChanged) reports the new labels.
+    /// Points do not move, and files do not change until the cloud is fused. Each request triggers
+    /// at most one vote. Nothing happens while a long job runs or if the frames that voted are
+    /// unknown.
     pub fn follow_masks(&self) {
         self.background.revote.is_wanted.set(true);
     }
 
-    /// Whether the labels of the cloud in memory are those of the masks now.
+    /// Returns whether the labels of the cloud in memory are those of the current masks.
     pub(crate) fn follows(&self) -> bool {
         let voted = self
             .cloud_version()
@@ -255,7 +293,7 @@ impl Session {
         })
     }
 
-    /// The cloud to measure and the tree that its labels lie in.
+    /// Returns the cloud to measure and its label tree.
     pub(crate) fn measurable(&self) -> Option<(&Arc<LabelledCloud>, &LabelTree)> {
         let cloud = self.cloud()?;
         let tree = self

@@ -20,11 +20,11 @@ use ostra_core::job::{Progress, Stopped};
 use ostra_masks::LabelTree;
 use ostra_project::voted_cloud::VotedCloud;
 
-/// Where a query lies.
+/// Accessor for a query in the background state.
 type Slot<K, V> = fn(&mut Background) -> &mut Query<K, V>;
 
 impl Session {
-    /// Starts the jobs of all that was asked for and is not there.
+    /// Starts the jobs of all values that were requested and are not available.
     pub(crate) fn start_background_jobs(&mut self) {
         if self.background.preview.gather() {
             self.events.push(Event::CloudChanged);
@@ -50,7 +50,7 @@ impl Session {
         slot(&mut self.background).next(&mut self.jobs)
     }
 
-    /// Starts the job of a query that works on a snapshot of the project, where it is due.
+    /// Starts the job of a query that works on a snapshot of the project, if it is due.
     fn start_for_project<
         K: QueryKey,
         V: Send + Sync + 'static,
@@ -69,7 +69,7 @@ impl Session {
         }
     }
 
-    /// Starts the job that makes the value of a key.
+    /// Starts the job that computes the value of a key.
     fn start_query<K: QueryKey, V: Send + Sync + 'static>(
         &mut self,
         slot: Slot<K, V>,
@@ -107,7 +107,7 @@ impl Session {
         })
     }
 
-    /// The cloud in memory, where it is in this state.
+    /// Returns the cloud in memory if it is in this state.
     fn voted_cloud(&self, state: CloudState) -> Option<VotedCloud> {
         let voted = self.background.cloud.voted(state.version)?;
         (self.cloud_state() == Some(state)).then_some(voted)
@@ -151,7 +151,7 @@ impl Session {
         }
     }
 
-    /// What is to be measured, where it is still the cloud in memory.
+    /// Returns the cloud and label tree to measure if they still match the cloud in memory.
     fn measurable_as(&self, of: &MeasuredCloud) -> Option<(Arc<LabelledCloud>, LabelTree)> {
         let (cloud, tree) = self.measurable()?;
         (MeasuredCloud::new(cloud, tree) == *of).then(|| (Arc::clone(cloud), tree.clone()))
@@ -224,7 +224,7 @@ impl Session {
         );
     }
 
-    /// Starts to let those frames vote again whose masks changed.
+    /// Starts a new vote of the frames whose masks changed.
     fn start_revote(&mut self) {
         let revote = &mut self.background.revote;
         let is_voting = revote.job.is_some_and(|job| self.jobs.is_working(job));

@@ -13,111 +13,119 @@ use ostra_project::{
     ExportRequest, FuseRequest, PromptRequest, RangeRequest, ReconstructRequest, ScaleRequest,
 };
 
-/// A request to a [`Session`](crate::Session) by window, command line or recipe.
+/// A request to a [`Session`](crate::Session) from the window, command line or a recipe.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Command {
-    /// Makes a project folder from sources and opens it.
+    /// Creates a project folder from sources and opens it.
     New(NewProject),
-    /// Opens a project folder; for viewing where it cannot be written.
+    /// Opens a project folder, for viewing if it cannot be written.
     Open(PathBuf),
-    /// Opens a project folder for viewing: nothing is written there.
+    /// Opens a project folder for viewing, without writing to it.
     View(PathBuf),
-    /// Opens a labelled PLY alone, for inspection.
+    /// Opens a labelled PLY without a project, for inspection.
     Inspect(PathBuf),
-    /// Closes what is open.
+    /// Closes the open project or PLY.
     Close,
-    /// Puts more frames at the end of the sequence.
+    /// Appends frames to the sequence.
     AddFrames(NewProject),
-    /// Points frames whose source moved to its new place.
+    /// Updates the paths of frames whose sources have moved.
     Relocate {
-        /// Folder (or film) that is gone.
+        /// Folder (or video) that no longer exists.
         from: PathBuf,
-        /// Where it is now.
+        /// New path.
         to: PathBuf,
     },
-    /// Makes a label.
+    /// Creates a label.
     AddLabel {
-        /// Its name.
+        /// Name of the label.
         name: String,
-        /// Name of its parent.
+        /// Name of the parent label.
         parent: Option<String>,
-        /// sRGB; chosen when absent.
+        /// Colour in sRGB; chosen automatically if absent.
         color: Option<[u8; 3]>,
     },
-    /// Changes a label's name, colour or parent.
+    /// Changes the name, colour or parent of a label.
     EditLabel(ostra_masks::Label),
-    /// Takes a label out, with its prompts; its pixels become nothing.
+    /// Removes a label with its prompts; its pixels become unlabelled.
     RemoveLabel(LabelId),
-    /// Sets what is given for a label on a frame and segments it; an empty prompt takes the label off the frame.
+    /// Sets the prompt of a label on a frame and segments it.
+    ///
+    /// An empty prompt removes the label from the frame.
     Prompt(PromptRequest),
-    /// Looks for what words name on a frame.
+    /// Finds objects on a frame by text.
     Ground(GroundRequest),
-    /// Makes labels and masks of things that were found.
+    /// Creates labels and masks from found objects.
     TakeFound(TakeRequest),
-    /// Brush, eraser or polygon on a frame's mask; the frame becomes an anchor.
+    /// Applies a brush, eraser or polygon to a frame's mask; the frame becomes a keyframe.
     Paint(PaintRequest),
-    /// Pulls the border of a label on a frame; the frame becomes an anchor.
+    /// Drags the border of a label on a frame; the frame becomes a keyframe.
     Pull(PullRequest),
-    /// Gives a thin structure through some points to a label; the frame becomes an anchor.
+    /// Assigns a thin structure through some points to a label; the frame becomes a keyframe.
     Trace(TraceRequest),
-    /// Fills small holes of a label on a frame and removes its islands; a frame that changes becomes an anchor.
+    /// Fills small holes of a label on a frame and removes its small islands.
+    ///
+    /// A frame that changes becomes a keyframe.
     Tidy(TidyRequest),
-    /// Makes a tracked frame an anchor as it is.
+    /// Makes a tracked frame a keyframe, with its mask unchanged.
     MakeAnchor {
         /// Frame number.
         frame: usize,
     },
-    /// Gives a frame the mask that the vote of all frames has; it becomes an anchor.
+    /// Gives a frame the mask of the vote of all frames; it becomes a keyframe.
     AcceptVote {
         /// Frame number.
         frame: usize,
-        /// For these labels; all when none is named.
+        /// Labels to take from the vote; empty means all.
         #[serde(default)]
         labels: Vec<LabelId>,
     },
-    /// Makes a label of each thing of a class, by what hangs together in the cloud.
+    /// Creates a label for each instance of a class, from its connected parts in the cloud.
     Instances(InstancesRequest),
-    /// Gives pieces of the cloud without a label that hang on one labelled thing to it, in the masks, too.
+    /// Assigns unlabelled pieces of the cloud to the labelled object they are attached to.
+    ///
+    /// The masks change accordingly.
     Adopt(AdoptRequest),
-    /// Gives the pixels of all masks that see chosen points of the cloud to another label, and the points with them.
+    /// Assigns selected points of the cloud to another label.
+    ///
+    /// The pixels that see them change in all masks.
     CorrectCloud(CloudCorrection),
-    /// All pixels, clicks and points of a label become another label's, and the label goes.
+    /// Merges a label into another one: all pixels, clicks and points. The first label is removed.
     MergeLabels {
-        /// The label that goes.
+        /// Label to remove.
         label: LabelId,
-        /// The label that takes all it had.
+        /// Label that receives its pixels, clicks and points.
         into: LabelId,
     },
-    /// Takes a frame's mask and prompts away.
+    /// Removes a frame's mask and prompts.
     ClearMask {
         /// Frame number.
         frame: usize,
     },
     /// Changes labels over a range of frames.
     Range(RangeRequest),
-    /// Reads masks from files; their frames become anchors.
+    /// Reads masks from files; their frames become keyframes.
     ImportMasks {
-        /// Folder.
+        /// Folder of the masks.
         dir: PathBuf,
         /// `davis`, `binary`, `coco` or `yolo`.
         format: String,
     },
     /// Writes masks to files.
     ExportMasks {
-        /// Folder.
+        /// Folder of the masks.
         dir: PathBuf,
         /// `davis`, `binary`, `coco` or `yolo`.
         format: String,
-        /// Replace files of an earlier export that were changed since.
+        /// Whether files of an earlier export that were changed since are replaced.
         #[serde(default)]
         overwrite: bool,
     },
-    /// Carries anchors' masks through the sequence.
+    /// Propagates the masks of keyframes through the sequence.
     Track(TrackSettings),
-    /// Looks for things that no label explains.
+    /// Searches for unlabelled objects.
     Suggest,
-    /// Offers what a segmenter takes for things on a frame.
+    /// Suggests the objects that a segmenter proposes on a frame.
     Propose {
         /// Frame number.
         frame: usize,
@@ -126,24 +134,26 @@ pub enum Command {
     },
     /// Makes cameras and depths.
     Reconstruct(ReconstructRequest),
-    /// Gives cameras and points a unit by a known length.
+    /// Scales cameras and points to metres with a known length.
     Scale(ScaleRequest),
     /// Makes the labelled cloud.
     Fuse(FuseRequest),
     /// Writes results to files.
     Export(ExportRequest),
-    /// Gets, adds or checks a network; no part of the project or its recipe.
+    /// Downloads, adds or checks a network; not part of the project or its recipe.
     Model(ModelRequest),
-    /// Takes back the last step.
+    /// Undoes the last step.
     Undo,
-    /// Does the last step taken back again.
+    /// Redoes the last undone step.
     Redo,
-    /// Stops every running job; each keeps what it has.
+    /// Stops every running job; each keeps its results so far.
     Stop,
 }
 
 impl Command {
-    /// Whether it is work by hand on the masks: what a better segmenter or tracker would have saved.
+    /// Returns whether the command is manual work on the masks.
+    ///
+    /// A better segmenter or tracker would save such work.
     #[must_use]
     pub fn is_interaction(&self) -> bool {
         use Command as C;
@@ -161,26 +171,28 @@ impl Command {
     }
 }
 
-/// What to open, as `ostra new` and `ostra add` take it.
+/// The frames to open, as for `ostra new` and `ostra add`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NewProject {
-    /// The project's folder (for `AddFrames`: ignored).
+    /// Folder of the project (ignored by `AddFrames`).
     pub root: PathBuf,
-    /// Sources of frames with their depth folders, `every`, `from`, `to`, depth unit.
+    /// Sources of frames with their depth folders, `every`, `from`, `to` and depth unit.
     pub open: ostra_frames::OpenRequest,
-    /// Cameras in one of the formats known.
+    /// File of cameras in a known format.
     #[serde(default)]
     pub cameras: Option<PathBuf>,
-    /// The same for every frame.
+    /// Intrinsics that apply to every frame.
     #[serde(default)]
     pub intrinsics: Option<IntrinsicsSource>,
 }
 
-/// A list of commands that makes a project: what `ostra run` takes and the window can save.
+/// A list of commands that makes a project.
+///
+/// `ostra run` executes it, and the window can save it.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Recipe {
-    /// Format of the file, 1.
+    /// Format of the file: 1.
     pub format: u32,
-    /// In order; each is done before the next begins.
+    /// Commands in order; each finishes before the next begins.
     pub commands: Vec<Command>,
 }

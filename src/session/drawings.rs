@@ -3,18 +3,21 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use ostra_core::job::Loader;
 
-/// Things that are drawn on a worker thread for those who look: asked for again and again, never waited for. The latest
-/// few are kept; a newer request takes the place of one that was not begun.
+/// Values that are drawn on a worker thread and polled without waiting.
+///
+/// The latest few drawings are kept. A newer request replaces one that has not started.
 pub struct Drawings<K, V> {
     loader: Loader<K, V>,
     kept: Mutex<VecDeque<(K, V)>>,
 }
 
-/// Drawings kept.
+/// Number of drawings kept.
 const KEPT: usize = 4;
 
 impl<K: Clone + PartialEq + Send + 'static, V: Clone + Send + 'static> Drawings<K, V> {
-    /// `draw` makes a drawing; `notify` is called, on the worker's thread, when one is there.
+    /// Creates the worker.
+    ///
+    /// `draw` makes a drawing. `notify` is called on the worker's thread when a drawing is ready.
     #[must_use]
     pub fn new(
         draw: impl Fn(&K) -> V + Send + Sync + 'static,
@@ -26,7 +29,7 @@ impl<K: Clone + PartialEq + Send + 'static, V: Clone + Send + 'static> Drawings<
         }
     }
 
-    /// The drawing as soon as it is there; asks for it.
+    /// Returns the drawing if it is ready, and requests it otherwise.
     #[must_use]
     pub fn get(&self, key: &K) -> Option<V> {
         let mut kept = self.lock();
@@ -56,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_asked_for_comes_and_the_oldest_goes() {
+    fn requested_drawings_arrive_and_the_oldest_is_dropped() {
         let (told, notified) = channel();
         let drawings = Drawings::new(|key: &usize| 10 * key, move || told.send(()).unwrap());
         for key in 0..6 {

@@ -9,19 +9,22 @@ use ostra_frames::Image;
 use ostra_masks::MaskError;
 use ostra_masks::onnx::sam::Embedding;
 
-/// Embeddings of pictures on the disk, the latest used ones, bounded in bytes. A file that is missing, damaged or cannot be
-/// written costs a run of the encoder, nothing else.
+/// Disk cache of image embeddings, bounded in bytes; the least recently used are removed.
+///
+/// A file that is missing, damaged or cannot be written only costs a run of the encoder.
 #[derive(Debug)]
 pub(super) struct Embeddings {
     folder: PathBuf,
     budget_bytes: u64,
 }
 
-/// Bytes kept on the disk: some 500 pictures of ViT-B.
+/// Maximum size of the cache in bytes: about 500 images with ViT-B.
 const BUDGET_BYTES: u64 = 2 << 30;
 
 impl Embeddings {
-    /// Those in the user's data folder, not in the project: they only save time. `None` where the system names none.
+    /// Returns the cache in the user's data folder; `None` if the system has none.
+    ///
+    /// It is not part of the project, because it only saves time.
     pub(super) fn ours() -> Option<Self> {
         let folder = models_folder().ok()?.parent()?.join("embeddings");
         Some(Self {
@@ -30,10 +33,13 @@ impl Embeddings {
         })
     }
 
-    /// The embedding of a picture by the network in `encoder`: the one on the disk, else what `embed` makes, which is kept.
+    /// Returns the embedding of an image by the network in `encoder`.
+    ///
+    /// It is read from disk, or computed by `embed` and saved.
     ///
     /// # Errors
-    /// Those of `embed`.
+    ///
+    /// Returns the errors of `embed`.
     pub(super) fn get(
         &self,
         encoder: &Path,
@@ -49,7 +55,7 @@ impl Embeddings {
             return Ok(known);
         }
         let made = embed()?;
-        // Without it the next run embeds the image again, nothing else.
+        // If the file cannot be written, the next run embeds the image again.
         let _ = self.put(&path, &made.to_bytes());
         Ok(made)
     }
@@ -64,7 +70,9 @@ impl Embeddings {
     }
 }
 
-/// Tells picture and network apart from all others: a network by its file's place, size and time.
+/// Returns a key that identifies an image and a network.
+///
+/// The network is identified by its file's path, size and time.
 fn key(encoder: &Path, image: &Image) -> String {
     let about = fs::metadata(encoder).ok();
     let of_network = (
@@ -114,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_is_embedded_once_by_each_network() {
+    fn image_is_embedded_once_per_network() {
         let scratch = tempfile::tempdir().unwrap();
         let (first, second) = (scratch.path().join("a.onnx"), scratch.path().join("b.onnx"));
         fs::write(&first, "a").unwrap();
@@ -154,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn a_damaged_file_is_made_anew_and_old_ones_make_room() {
+    fn damaged_file_is_made_again_and_old_files_are_removed() {
         let scratch = tempfile::tempdir().unwrap();
         let kept = Embeddings {
             folder: scratch.path().to_owned(),

@@ -1,42 +1,42 @@
-//! The table of engines: which there are, what they need, and whether they can be used.
+//! The table of engines, with their requirements and availability.
 
 use anyhow::{Result, bail};
 
 use crate::networks::{is_usable, sam_network, superglue_network};
 use ostra_project::{EngineName, FeatureId, GrounderId, MatcherId, SegmenterId, TrackerId};
 
-/// What an engine is for.
+/// Purpose of an engine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EngineKind {
     /// Turns prompts into masks.
     Segmenter,
-    /// Finds what words name.
+    /// Finds objects by text.
     Grounder,
-    /// Carries masks through the sequence.
+    /// Propagates masks through the sequence.
     Tracker,
-    /// Finds keypoints in images.
+    /// Detects keypoints in images.
     Features,
     /// Matches keypoints of two images.
     Matcher,
 }
 
-/// An engine as lists show it.
+/// An engine, as shown in lists.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Engine {
-    /// What it is for.
+    /// Purpose of the engine.
     pub kind: EngineKind,
-    /// Its name on the command line.
+    /// Name on the command line.
     pub name: &'static str,
     /// Whether it can be used now.
     pub installed: bool,
-    /// What it needs: of the frames where it is installed, to be used at all where it is not.
+    /// Requirements: on the frames if it is installed, or for its installation otherwise.
     pub needs: &'static str,
 }
 
 /// A row of the table of engines.
 pub(crate) struct EngineSpec<I> {
     id: I,
-    /// What it needs: of the frames where it is installed, to be used at all where it is not.
+    /// Requirements: on the frames if it is installed, or for its installation otherwise.
     needs: &'static str,
     is_installed: fn() -> bool,
 }
@@ -48,10 +48,11 @@ pub(crate) trait EngineId: EngineName {
     /// The rows of the table, one for each engine, `auto` first.
     const TABLE: &'static [EngineSpec<Self>];
 
-    /// Returns the engine itself where it can be used.
+    /// Returns the engine itself if it can be used.
     ///
     /// # Errors
-    /// States what it needs where it is not installed.
+    ///
+    /// Returns an error if it is not installed. The message states what it needs.
     fn installed(self) -> Result<Self> {
         match self.spec() {
             Some(spec) if !(spec.is_installed)() => {
@@ -73,7 +74,7 @@ pub(crate) trait EngineId: EngineName {
         self.spec().is_some_and(|spec| (spec.is_installed)())
     }
 
-    /// The rows as lists show them.
+    /// Returns the rows, as shown in lists.
     fn list() -> impl Iterator<Item = Engine> {
         Self::TABLE.iter().map(|spec| Engine {
             kind: Self::KIND,
@@ -180,7 +181,7 @@ impl EngineId for MatcherId {
     ];
 }
 
-/// Every engine that the command line names, `auto` first within its kind.
+/// Returns every engine that can be named on the command line, `auto` first within its kind.
 #[must_use]
 pub fn list_engines() -> Vec<Engine> {
     SegmenterId::list()
@@ -196,7 +197,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_engine_has_one_row_and_says_what_it_needs_where_it_is_not_installed() {
+    fn every_engine_has_one_row_and_states_its_requirements_if_not_installed() {
         fn check<I: EngineId>() {
             let ids: Vec<I> = I::TABLE.iter().map(|row| row.id).collect();
             assert_eq!(ids, I::ALL);

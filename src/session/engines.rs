@@ -1,4 +1,4 @@
-//! How engines are made.
+//! Construction of engines.
 
 use std::sync::Arc;
 
@@ -31,10 +31,13 @@ use ostra_tracking::{
     supervoxels::GeometrySegmenter,
 };
 
-/// Creates a segmenter. `geometry` is the one for the frames to be segmented.
+/// Creates a segmenter.
+///
+/// `geometry` is the geometry segmenter of the frames to be segmented.
 ///
 /// # Errors
-/// Where the segmenter is not installed.
+///
+/// Returns an error if the segmenter is not installed.
 pub fn segmenter(
     segmenter: SegmenterId,
     geometry: Arc<GeometrySegmenter>,
@@ -54,7 +57,7 @@ fn made(segmenter: SegmenterId, geometry: Arc<GeometrySegmenter>) -> Arc<dyn Seg
     }
 }
 
-/// The segmenter `geometry` for some frames.
+/// Creates the segmenter `geometry` for some frames.
 pub fn geometry_segmenter(
     frames: Arc<Vec<Frame>>,
     store: Arc<FrameStore>,
@@ -66,8 +69,10 @@ pub fn geometry_segmenter(
     ))
 }
 
-/// Creates the segmenter that previews clicks: the given one, but a faster one in place of one that encodes the image for
-/// every click.
+/// Creates the segmenter for previews of clicks.
+///
+/// It is the given one, unless that encodes the image for every click. A faster one then replaces
+/// it.
 pub(crate) fn previewer(
     segmenter: SegmenterId,
     geometry: Arc<GeometrySegmenter>,
@@ -79,10 +84,10 @@ pub(crate) fn previewer(
     Ok(made(segmenter, geometry))
 }
 
-/// Creates a grounder. Its network is loaded on this thread when it is used for the first time.
+/// Creates a grounder; its network is loaded on this thread at its first use.
 pub(crate) fn grounder(grounder: GrounderId) -> Result<Arc<dyn TextGrounder>> {
     let grounder = match grounder.installed()? {
-        // First the one without a fixed vocabulary.
+        // The grounder without a fixed vocabulary is preferred.
         GrounderId::Auto if GrounderId::GroundingDino.is_installed() => GrounderId::GroundingDino,
         GrounderId::Auto => GrounderId::Yolox,
         grounder => grounder,
@@ -93,19 +98,19 @@ pub(crate) fn grounder(grounder: GrounderId) -> Result<Arc<dyn TextGrounder>> {
     })
 }
 
-/// The tracker that the settings name; `auto` is the best that is installed and that the frames allow.
+/// Creates the tracker of the settings; `auto` is the best installed one that the frames allow.
 pub fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tracker>> {
     let asked = settings.tracker.installed()?;
     let (frames, any) = (
         &project.frames,
         project.frames.iter().any(Frame::has_posed_depth),
     );
-    // Depth made of some frames alone says nothing of those between.
+    // Stereo depth of only some frames does not help on the frames in between.
     let everywhere =
         frames.iter().any(Frame::has_sensor_depth) || frames.iter().all(Frame::has_posed_depth);
     let tracker = match asked {
         TrackerId::Auto if any && everywhere => TrackerId::Geometry,
-        // On videos networks are far ahead of flow.
+        // On videos, networks are far better than optical flow.
         TrackerId::Auto => [TrackerId::XMem, TrackerId::Deaot]
             .into_iter()
             .find(|network| network.is_installed())
@@ -160,7 +165,7 @@ pub fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tr
     }))
 }
 
-/// The flow tracker, which remembers by XFeat where that can be used.
+/// Creates the flow tracker, which uses XFeat for its memory if that can be used.
 pub(crate) fn flow_tracker() -> FlowTracker {
     let features = is_usable("xfeat").then(|| Arc::new(KeptXFeat) as Arc<dyn DenseFeatures>);
     FlowTracker {
@@ -169,7 +174,9 @@ pub(crate) fn flow_tracker() -> FlowTracker {
     }
 }
 
-/// Creates a feature extractor that works on images reduced to `max_side` pixels. `Auto` is SIFT, the most accurate.
+/// Creates a feature extractor for images reduced to `max_side` pixels.
+///
+/// `Auto` is SIFT, the most accurate.
 pub(crate) fn extractor(
     features: FeatureId,
     max_side: Option<u32>,
@@ -204,7 +211,9 @@ pub(crate) fn extractor(
     })
 }
 
-/// Creates a matcher for features of an extractor. `Auto` is the network trained for them where it is installed.
+/// Creates a matcher for the features of an extractor.
+///
+/// `Auto` is the network trained for these features, if it is installed.
 pub(crate) fn matcher(matcher: MatcherId, features: FeatureId) -> Result<Box<dyn FeatureMatcher>> {
     let asked = matcher.installed()?;
     let made_for = match features.installed()? {
@@ -243,8 +252,11 @@ pub(crate) fn matcher(matcher: MatcherId, features: FeatureId) -> Result<Box<dyn
     })
 }
 
-/// Tells an extractor or matcher apart from others that would find other things in the same pictures: by the program, where
-/// networks run, and the size and time of its networks' files.
+/// Returns a text that identifies an extractor or matcher in the cache.
+///
+/// It differs for engines that may find other features or matches in the same images. It contains
+/// the program version, the execution provider of networks, and the size and time of the network
+/// files.
 pub(crate) fn identity(engine: &str, settings: &str) -> String {
     let files = || {
         let (catalogue, folder) = (Catalogue::bundled().ok()?, models_folder().ok()?);
@@ -279,7 +291,7 @@ pub(crate) fn identity(engine: &str, settings: &str) -> String {
     )
 }
 
-/// Returns the registration of fragments of an RGB-D recording; `None` tries one after the other.
+/// Returns the registration of fragments of an RGB-D recording; `None` tries all in turn.
 #[must_use]
 pub fn registration(registration: RegistrationId) -> Option<GlobalRegistration> {
     match registration {

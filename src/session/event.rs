@@ -5,83 +5,83 @@ use std::time::Duration;
 use ostra_core::job::{JobId, ProgressReport};
 use ostra_masks::LabelId;
 
-/// What happened since the last [`crate::Session::poll`], in order.
+/// Something that happened since the last [`crate::Session::poll`]; events are in order.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Event {
-    /// A job began.
+    /// A job started.
     Started {
-        /// Which.
+        /// Id of the job.
         job: JobId,
-        /// What it is, e.g. `Track`.
+        /// Title, e.g. `Track`.
         title: String,
     },
-    /// A job did what it was for.
+    /// A job finished successfully.
     Finished {
-        /// Which.
+        /// Id of the job.
         job: JobId,
-        /// What it was.
+        /// Title of the job.
         title: String,
     },
-    /// A job ended with an error; what it had finished is kept.
+    /// A job failed; its results so far are kept.
     Failed {
-        /// Which.
+        /// Id of the job.
         job: JobId,
-        /// What it was.
+        /// Title of the job.
         title: String,
-        /// One line: what, where, what to do.
+        /// Error message in one line: what failed, where, and what to do.
         error: String,
     },
-    /// A job was stopped; what it had finished is kept.
+    /// A job was stopped; its results so far are kept.
     Stopped {
-        /// Which.
+        /// Id of the job.
         job: JobId,
-        /// What it was.
+        /// Title of the job.
         title: String,
     },
-    /// A tracking run ended by itself because it was not sure; what it had finished is kept.
+    /// A tracking run paused itself because of low confidence; its results so far are kept.
     Paused {
-        /// Which.
+        /// Id of the job.
         job: JobId,
-        /// The frame to look at.
+        /// Frame at which the run paused.
         frame: usize,
-        /// The label it was least sure of.
+        /// Label with the lowest confidence.
         label: LabelId,
-        /// One line: what, where, what to do.
+        /// Message in one line: what happened, where, and what to do.
         text: String,
     },
-    /// A project was made or opened.
+    /// A project was created or opened.
     Opened(PathBuf),
-    /// A labelled PLY was opened alone.
+    /// A labelled PLY was opened without a project.
     Inspecting(PathBuf),
-    /// What was open is closed.
+    /// The open project or PLY was closed.
     Closed,
     /// The project changed.
     Changed,
-    /// The labelled cloud was loaded, made anew or went away.
+    /// The labelled cloud was loaded, made or removed.
     CloudChanged,
-    /// It is known anew how much masks contradict the cloud.
+    /// The conflicts of masks with the cloud were computed.
     DoubtsChanged,
     /// A network was installed or added.
     ModelsChanged,
     /// The sparse model of the cameras was loaded.
     SparseChanged,
-    /// Something worth knowing, e.g. which tracker was taken.
+    /// Information for the user, e.g. which tracker was selected.
     Notice(String),
-    /// Something that the user should look at; the work went on.
+    /// A problem that the user should check; the work went on.
     Warning(String),
 }
 
-/// A running job as window and command line show it.
+/// A running job, as window and command line show it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct JobView {
-    /// Which.
+    /// Id of the job.
     pub id: JobId,
-    /// What it is called, for people.
+    /// Title to display.
     pub title: String,
-    /// The task that panels find it by.
+    /// Task by which panels find the job.
     pub task: Option<JobTask>,
-    /// How far it is.
+    /// Progress of the job.
     pub report: ProgressReport,
-    /// Since when it runs.
+    /// Time since its start.
     pub elapsed: Duration,
 }

@@ -1,24 +1,26 @@
 use ostra_masks::PxBox;
 
-/// Things that words found on a frame, to be taken or not: a search changes nothing. What the user takes becomes labels and
-/// masks in one step.
+/// Objects found by text on a frame, offered to the user.
+///
+/// A search does not change the project. The objects that the user takes become labels and masks in
+/// one step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grounding {
     /// Frame number.
     pub frame: usize,
-    /// What found them.
+    /// Name of the grounder that found them.
     pub grounder: &'static str,
-    /// The surest first.
+    /// Found objects, the most confident first.
     pub things: Vec<FoundThing>,
 }
 
-/// A thing that a phrase names.
+/// An object found by a phrase.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FoundThing {
-    /// The phrase.
+    /// Phrase that names the object.
     pub phrase: String,
-    /// Box around the thing.
+    /// Bounding box of the object.
     pub extent: PxBox,
-    /// How sure it is, 0–1.
+    /// Confidence, 0–1.
     pub score: f32,
 }

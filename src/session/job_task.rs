@@ -1,6 +1,6 @@
-//! What a running job is called, and how panels find it.
+//! Titles of running jobs, and tasks by which panels find them.
 
-/// Work that panels look for while it runs.
+/// Work that panels look up while it runs.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum JobTask {
     /// Propagating masks.
@@ -24,7 +24,7 @@ pub enum JobTask {
 }
 
 impl JobTask {
-    /// Returns the title of the job, for people.
+    /// Returns the title of the job.
     #[must_use]
     pub fn title(&self) -> &str {
         match self {
@@ -41,12 +41,12 @@ impl JobTask {
     }
 }
 
-/// What a job is called, and the task that panels find it by.
+/// The title of a job, and the task by which panels find it.
 #[derive(Debug, Clone)]
 pub struct JobTitle {
-    /// For people.
+    /// Title to display.
     pub text: String,
-    /// `None` for work that nothing looks for.
+    /// Task of the job; `None` for work that no panel looks up.
     pub task: Option<JobTask>,
 }
 

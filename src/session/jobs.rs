@@ -10,56 +10,58 @@ use ostra_core::job::JobId;
 use ostra_core::job::{Progress, Running, Stopped};
 use ostra_masks::LabelId;
 
-/// How many results may wait for the state before workers wait for it.
+/// Number of results that may be queued before worker threads have to wait.
 const WAITING: usize = 64;
 
-/// Applies a result of a job to the state `S`, on the thread that owns it. Must be quick.
+/// Applies a result of a job to the state `S`, on the thread that owns it.
+///
+/// It must be quick.
 pub type Completion<S> = Box<dyn FnOnce(&mut S) -> Result<()> + Send>;
 
-/// What a job is for, which decides what runs next to it and who hears of it.
+/// Kind of a job, which determines what may run concurrently and how it is reported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum JobKind {
-    /// Long work, of which one runs at a time.
+    /// Long work; only one such job runs at a time.
     Long,
-    /// Work that runs next to others.
+    /// Work that may run next to other jobs.
     Short,
-    /// The answer to a prompt; a newer prompt for the same label and frame takes its place.
+    /// The answer to a prompt; a newer prompt for the same label and frame replaces it.
     Prompt {
         /// Frame number.
         frame: usize,
-        /// For which label.
+        /// Label that is prompted.
         label: LabelId,
     },
-    /// Work that the user did not ask for: not shown, its failures are warnings at most.
+    /// Work that the user did not request: not shown, and its failures are only warnings.
     Background,
-    /// Writes a checkpoint of the project; in the background.
+    /// Writes a checkpoint of the project in the background.
     Checkpoint,
-    /// Prepares frames that may be prompted next; in the background.
+    /// Prepares frames that may be prompted next, in the background.
     ReadAhead,
 }
 
 impl JobKind {
-    /// Whether it is work that the user did not ask for.
+    /// Returns whether the job is work that the user did not request.
     pub fn is_background(self) -> bool {
         matches!(self, Self::Background | Self::Checkpoint | Self::ReadAhead)
     }
 }
 
-/// A job that runs.
+/// A running job.
 pub struct Job<S> {
-    /// Which it is.
+    /// Id of the job.
     pub id: JobId,
-    /// What it is, for people.
+    /// Title to display.
     pub title: String,
-    /// The task that panels find it by.
+    /// Task by which panels find the job.
     pub task: Option<JobTask>,
-    /// What it is for.
+    /// Kind of the job.
     pub kind: JobKind,
-    /// The command that it carries out, for the recipe.
+    /// Command that the job executes, for the recipe.
     pub command: Option<Command>,
-    /// Its results are no longer wanted.
+    /// Whether its results are no longer wanted.
     pub discarded: bool,
-    /// A part of its result could not be applied.
+    /// Error of a partial result that could not be applied.
     pub failure: Option<anyhow::Error>,
     started: Instant,
     running: Running<Result<Completion<S>>>,
@@ -68,13 +70,13 @@ pub struct Job<S> {
 
 /// A message from a worker thread.
 enum JobMessage<S> {
-    /// A part of a job's result.
+    /// A partial result of a job.
     Piece(JobId, Completion<S>),
-    /// A job ended, or soon will have.
+    /// A job has ended or is about to end.
     Ended,
 }
 
-/// All running jobs, whose results are applied to a state `S`, and the way back from their threads.
+/// All running jobs, whose results are applied to a state `S`.
 pub struct Jobs<S> {
     running: Vec<Job<S>>,
     last: u64,
@@ -85,9 +87,9 @@ pub struct Jobs<S> {
 
 type Waker = Arc<Mutex<Option<Box<dyn Fn() + Send>>>>;
 
-/// What a job's work is given: its progress and the way back to the state.
+/// The context of a job's work: its progress and the channel to the state.
 pub struct JobContext<S> {
-    /// Reports progress and notices a stop.
+    /// Reports progress and detects a stop.
     pub progress: Progress,
     id: JobId,
     sender: SyncSender<JobMessage<S>>,
@@ -95,12 +97,14 @@ pub struct JobContext<S> {
 }
 
 impl<S> JobContext<S> {
-    /// The job whose work this is.
+    /// Returns the id of the job.
     pub fn id(&self) -> JobId {
         self.id
     }
 
-    /// Whether a window shows what the work brings, not a script that waits for its end.
+    /// Returns whether a window shows partial results.
+    ///
+    /// Otherwise a script waits for the end of the job.
     pub fn is_watched(&self) -> bool {
         self.waker
             .lock()
@@ -108,10 +112,11 @@ impl<S> JobContext<S> {
             .is_some()
     }
 
-    /// Hands over a part of the result while the work goes on.
+    /// Sends a partial result while the work goes on.
     ///
     /// # Errors
-    /// [`Stopped`] when the state is gone.
+    ///
+    /// Returns [`Stopped`] if the state no longer exists.
     pub fn send(
         &self,
         completion: impl FnOnce(&mut S) -> Result<()> + Send + 'static,
@@ -125,7 +130,9 @@ impl<S> JobContext<S> {
 }
 
 impl<S> Drop for JobContext<S> {
-    /// Wakes the owner of the state, also when the work panicked. A full queue has woken it already.
+    /// Wakes the owner of the state, even if the work panicked.
+    ///
+    /// If the queue is full, the owner has been woken already.
     fn drop(&mut self) {
         let _ = self.sender.try_send(JobMessage::Ended);
         wake(&self.waker);
@@ -156,7 +163,7 @@ impl<S> Default for Jobs<S> {
 }
 
 impl<S: 'static> Jobs<S> {
-    /// Starts work on a thread of its own.
+    /// Starts work on its own thread.
     pub fn start(
         &mut self,
         title: impl Into<JobTitle>,
@@ -192,12 +199,12 @@ impl<S: 'static> Jobs<S> {
         id
     }
 
-    /// Calls `wake` on a worker's thread whenever there is a result to apply.
+    /// Sets a function that a worker's thread calls whenever a result is ready to be applied.
     pub fn set_waker(&mut self, wake: impl Fn() + Send + 'static) {
         *self.waker.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(wake));
     }
 
-    /// The next piece that waits; never waits itself.
+    /// Returns the next queued partial result, without waiting.
     pub fn next_piece(&mut self) -> Option<(JobId, Completion<S>)> {
         std::iter::from_fn(|| self.receiver.try_recv().ok()).find_map(|message| match message {
             JobMessage::Piece(job, completion) => Some((job, completion)),
@@ -205,7 +212,9 @@ impl<S: 'static> Jobs<S> {
         })
     }
 
-    /// Waits until a worker has something, `longest` at most. Gives a piece that came with it.
+    /// Waits for a message of a worker for at most `longest`.
+    ///
+    /// Returns the partial result in the message, if there is one.
     pub fn wait(&mut self, longest: Duration) -> Option<(JobId, Completion<S>)> {
         match self.receiver.recv_timeout(longest) {
             Ok(JobMessage::Piece(job, completion)) => Some((job, completion)),
@@ -214,7 +223,10 @@ impl<S: 'static> Jobs<S> {
         }
     }
 
-    /// Notes which jobs ended. All their pieces are waiting by then: take these in before [`Self::take_ended`].
+    /// Notes which jobs have ended.
+    ///
+    /// All their partial results are queued by then. Apply these before calling
+    /// [`Self::take_ended`].
     pub fn note_ended(&mut self) {
         for job in self.running.iter_mut().filter(|job| job.outcome.is_none()) {
             job.outcome = job
@@ -224,7 +236,7 @@ impl<S: 'static> Jobs<S> {
         }
     }
 
-    /// Takes out a job that was noted to have ended, with its result.
+    /// Removes a job that was noted as ended, and returns it with its result.
     pub fn take_ended(&mut self) -> Option<(Job<S>, Result<Completion<S>>)> {
         let place = self.running.iter().position(|job| job.outcome.is_some())?;
         let mut job = self.running.remove(place);
@@ -232,66 +244,66 @@ impl<S: 'static> Jobs<S> {
         Some((job, outcome))
     }
 
-    /// The running job of this id.
+    /// Returns the running job with this id.
     pub fn get_mut(&mut self, id: JobId) -> Option<&mut Job<S>> {
         self.running.iter_mut().find(|job| job.id == id)
     }
 
-    /// All running jobs, oldest first.
+    /// Returns all running jobs, oldest first.
     pub fn iter_mut(&mut self) -> impl Iterator<Item = &mut Job<S>> {
         self.running.iter_mut()
     }
 
-    /// Whether a job still works; one that was noted to have ended does not.
+    /// Returns whether a job is still working, that is, was not noted as ended.
     pub fn is_working(&self, id: JobId) -> bool {
         self.iter().any(|job| job.id == id && !job.has_ended())
     }
 
-    /// Asks a job to stop; it keeps what it finished.
+    /// Asks a job to stop; its results so far are kept.
     pub fn stop(&self, id: JobId) {
         self.iter().filter(|job| job.id == id).for_each(Job::stop);
     }
 
-    /// Asks a job to stop, and drops what it still brings.
+    /// Asks a job to stop, and drops its further results.
     pub fn discard(&mut self, id: JobId) {
         let job = self.iter_mut().find(|job| job.id == id);
         job.into_iter().for_each(Job::discard);
     }
 
-    /// All running jobs, oldest first.
+    /// Returns all running jobs, oldest first.
     pub fn iter(&self) -> impl Iterator<Item = &Job<S>> {
         self.running.iter()
     }
 }
 
 impl<S: 'static> Job<S> {
-    /// Asks it to stop.
+    /// Asks the job to stop.
     pub fn stop(&self) {
         self.running.stop();
     }
 
-    /// Asks it to stop, and drops what it still brings.
+    /// Asks the job to stop, and drops its further results.
     pub fn discard(&mut self) {
         self.stop();
         self.discarded = true;
     }
 
-    /// Whether the user asked for it and still wants it.
+    /// Returns whether the user requested the job and still wants it.
     pub fn is_shown(&self) -> bool {
         !self.kind.is_background() && !self.discarded
     }
 
-    /// Whether it was asked to stop.
+    /// Returns whether the job was asked to stop.
     pub fn is_stopped(&self) -> bool {
         self.running.progress().check().is_err()
     }
 
-    /// Whether it was noted to have ended.
+    /// Returns whether the job was noted as ended.
     pub fn has_ended(&self) -> bool {
         self.outcome.is_some()
     }
 
-    /// As it is shown.
+    /// Returns the job as it is displayed.
     pub fn view(&self) -> JobView {
         JobView {
             id: self.id,

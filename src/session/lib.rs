@@ -1,5 +1,39 @@
-//! The open project behind window and command line: [`Command`]s start jobs, jobs end in edits; background results; which
-//! engines are loaded.
+//! Sessions: the open project, its jobs and its background results.
+//!
+//! A [`Session`] holds at most one open project. Window, command line and recipes all control it
+//! with the same [`Command`]s. [`Session::act`] executes quick commands at once and starts a job on
+//! a worker thread for the others. [`Session::poll`] applies the results of jobs as edits of the
+//! project and returns what happened as [`Event`]s. [`Session::settle`] polls until no job runs, as
+//! the command line does. Commands that succeed are collected in a [`Recipe`].
+//!
+//! Values that are derived from the project are computed in the background when they are first
+//! requested. Examples are the cloud, its surface, conflicts and traits. [`Pictures`] and
+//! [`Drawings`] load images for display in the same way. [`commands`] implements the commands, and
+//! [`engines`] creates segmenters, trackers and matchers. [`list_engines`] and [`list_models`]
+//! report which of them are available.
+//!
+//! Frames are numbered from 0. Positions in images are in pixels, lengths are in world units, and
+//! shares and confidences are between 0 and 1.
+//!
+//! # Example
+//!
+//! ```rust
+//! use ostra_session::{Command, Session};
+//!
+//! # fn main() -> anyhow::Result<()> {
+//! let mut session = Session::new();
+//! assert!(session.project().is_none());
+//!
+//! // Most commands need an open project.
+//! let error = session.act(Command::Undo).unwrap_err();
+//! assert!(error.to_string().contains("no project is open"));
+//!
+//! // Stopping all jobs is always possible, and quick commands start none.
+//! assert!(session.act(Command::Stop)?.is_none());
+//! assert!(session.poll().is_empty());
+//! # Ok(())
+//! # }
+//! ```
 
 mod act;
 mod background;

@@ -1,4 +1,6 @@
-//! What numbers a command may hold. Recipes are files that anyone may have written, so no number is trusted.
+//! Valid ranges of the numbers in a command.
+//!
+//! Recipes are files from unknown sources, so every number is checked.
 
 use anyhow::{Context, Result, ensure};
 use glam::{DVec2, DVec3};
@@ -13,29 +15,34 @@ use ostra_project::{
     ExportRequest, FuseRequest, Project, RangeChange, ReconstructRequest, ScaleEnd, ScaleRequest,
 };
 
-/// Pixels by which a position may lie outside its frame. A stroke may leave the image, and in a window that shows the image
-/// small the pointer gets far away from it.
+/// Maximum distance in pixels of a position outside its frame.
+///
+/// A stroke may leave the image, and in a window that shows the image small, the pointer can be far
+/// away from it.
 const MAX_OUTSIDE_PX: f64 = 100_000.0;
-/// Positions in one command.
+/// Maximum number of positions in one command.
 const MAX_POSITIONS: usize = 1_000_000;
-/// Brush radius in pixels.
+/// Maximum brush radius in pixels.
 const MAX_RADIUS_PX: f64 = 100_000.0;
-/// Width and height of the image that an eye sees a cloud in.
+/// Maximum width and height of the view in which points are selected, in pixels.
 const MAX_EYE_SIDE_PX: u32 = 16_384;
-/// Coordinates and lengths in world units. Beyond it a double holds no millimetres.
+/// Maximum of coordinates and lengths in world units.
+///
+/// Beyond it, a double cannot represent millimetres.
 const MAX_WORLD: f64 = 1e12;
-/// What a step of a depth image may be, in world units.
+/// Range of the step of a depth image, in world units.
 const DEPTH_UNITS: [f64; 2] = [1e-12, 1e6];
-/// Sides that a network sees, as on the command line.
+/// Range of the shorter image side for networks, in pixels, as on the command line.
 const SHORT_SIDES: std::ops::RangeInclusive<u32> = 64..=4096;
-/// Sides that stereo works on, as on the command line.
+/// Range of the longer image side for stereo, in pixels, as on the command line.
 const MAX_SIDES: std::ops::RangeInclusive<u32> = 64..=8192;
 
 impl Command {
-    /// Checks every number that the command holds before it is carried out.
+    /// Checks every number in the command before it is executed.
     ///
     /// # Errors
-    /// Names the number that is out of range, and the range.
+    ///
+    /// Returns an error if a number is out of range. The message names the number and the range.
     pub(super) fn check_numbers(&self, project: Option<&Project>) -> Result<()> {
         let image = |frame: usize| Image::of(project, frame);
         match self {
@@ -79,7 +86,7 @@ impl Command {
     }
 }
 
-/// The image that positions are checked against.
+/// The image against which positions are checked.
 struct Image {
     name: String,
     width: u32,
@@ -98,7 +105,7 @@ impl Image {
         })
     }
 
-    /// Refuses positions that are not numbers or far outside.
+    /// Rejects positions that are not finite or far outside the image.
     fn check(&self, what: &str, positions_px: impl IntoIterator<Item = DVec2>) -> Result<()> {
         let (last, mut count) = (DVec2::new(f64::from(self.width), f64::from(self.height)), 0);
         for at in positions_px {
@@ -377,7 +384,7 @@ mod tests {
     }
 
     #[test]
-    fn positions_far_outside_the_frame_are_refused() {
+    fn positions_far_outside_the_frame_are_rejected() {
         let project = project();
         for command in commands_at(DVec2::new(-3.0, 900.0)) {
             command.check_numbers(Some(&project)).unwrap();
@@ -394,7 +401,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_out_of_range_are_refused_with_the_range() {
+    fn numbers_out_of_range_are_rejected_with_the_range() {
         let track = |short_side| {
             Command::Track(TrackSettings {
                 short_side: Some(short_side),

@@ -7,35 +7,36 @@ use ostra_frames::{Frame, FrameStore};
 use ostra_geometry::Pose;
 use ostra_reconstruct::stereo::{DepthEstimate, DepthStore, Stage, raster_image};
 
-/// Points shown of each view while a reconstruction runs, and of all together.
+/// Maximum number of points shown per view and in total while a reconstruction runs.
 const POINTS_A_VIEW: usize = 20_000;
 const POINTS: usize = 2_000_000;
-/// What a pixel's depth must be sure to, 0–255, to be shown before it was filtered.
+/// Minimum confidence, 0–255, at which a pixel's depth is shown before filtering.
 const SURE: u8 = 160;
 
-/// Points that a job has made or placed so far, to be looked at while it runs. Not a query: the job sends them view by
-/// view, nothing asks for them.
+/// Points that a running job has made or placed so far, for display.
+///
+/// This is not a query: the job sends the points view by view, without a request.
 #[derive(Default)]
 pub(crate) struct LivePreview {
     job: Option<JobId>,
     views: BTreeMap<usize, LabelledCloud>,
     cloud: Arc<LabelledCloud>,
-    /// Views came since the cloud was put together.
+    /// Whether views were added since the cloud was assembled.
     has_news: bool,
 }
 
 impl LivePreview {
-    /// The job whose points these are.
+    /// Returns the job whose points these are.
     pub(crate) fn job(&self) -> Option<JobId> {
         self.job
     }
 
-    /// The points that were [gathered](Self::gather).
+    /// Returns the points at the last [`Self::gather`].
     pub(crate) fn cloud(&self) -> &Arc<LabelledCloud> {
         &self.cloud
     }
 
-    /// Adds the points of one view; those of another job go.
+    /// Adds the points of one view, and drops those of another job.
     pub(crate) fn add(&mut self, job: JobId, frame: usize, points: LabelledCloud) {
         if self.job != Some(job) {
             *self = Self {
@@ -47,7 +48,7 @@ impl LivePreview {
         self.has_news = true;
     }
 
-    /// Puts together what came since the last time; returns whether anything did.
+    /// Assembles the cloud if views were added since the last time; returns whether any were.
     pub(crate) fn gather(&mut self) -> bool {
         if !std::mem::take(&mut self.has_news) {
             return false;
@@ -61,19 +62,20 @@ impl LivePreview {
     }
 }
 
-/// The way from a job to the preview.
+/// Receiver of a job's partial results for the preview.
 pub(crate) trait PreviewSink: Sync {
-    /// Whether the preview is shown.
+    /// Returns whether the preview is shown.
     fn is_watched(&self) -> bool;
 
     /// Adds the points of one view.
     ///
     /// # Errors
-    /// [`Stopped`] when nothing takes them any more.
+    ///
+    /// Returns [`Stopped`] if the receiver no longer exists.
     fn show(&self, frame: usize, points: LabelledCloud) -> Result<(), Stopped>;
 }
 
-/// Shows what a sensor sees in frames whose poses come to be known.
+/// Preview of sensor depth in frames whose poses are found one by one.
 pub(crate) struct PlacedFrames<'a> {
     pub(crate) frames: &'a [Frame],
     pub(crate) pictures: &'a FrameStore,
@@ -81,8 +83,10 @@ pub(crate) struct PlacedFrames<'a> {
 }
 
 impl PlacedFrames<'_> {
-    /// Shows the points of a frame under a pose. A frame that cannot be read shows nothing: the search for the cameras
-    /// reads it too, and reports that.
+    /// Shows the points of a frame with a pose.
+    ///
+    /// A frame that cannot be read shows nothing. The search for the cameras reads it too, and
+    /// reports the error.
     pub(crate) fn show(&self, frame: usize, camera_from_world: &Pose) {
         if let Some(points) = self
             .sink
@@ -101,7 +105,7 @@ impl PlacedFrames<'_> {
         let picture = self.pictures.image(frame).ok()?;
         let world_from_camera = camera_from_world.inverse();
         let most = (POINTS / self.frames.len().max(1)).min(POINTS_A_VIEW);
-        // A step that shares no factor with the width: no columns of pixels.
+        // An odd step avoids columns of pixels for widths that are powers of two.
         let step = (depth.depths.len() / most.max(1)).max(1) | 1;
         let mut cloud = LabelledCloud::default();
         for at in (0..depth.depths.len())
@@ -117,7 +121,7 @@ impl PlacedFrames<'_> {
     }
 }
 
-/// A store of depths that shows what comes into it.
+/// A depth store that previews the depths saved to it.
 pub(crate) struct WatchedDepths<'a> {
     pub(crate) depths: &'a dyn DepthStore,
     pub(crate) frames: &'a [Frame],
@@ -146,7 +150,7 @@ impl DepthStore for WatchedDepths<'_> {
 }
 
 impl WatchedDepths<'_> {
-    /// An evenly spread part of a view's points that are at least so sure.
+    /// Returns an evenly spaced sample of a view's points with at least this confidence.
     fn points(
         &self,
         frame: usize,

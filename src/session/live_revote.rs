@@ -8,35 +8,36 @@ use ostra_masks::{LabelId, RunMask};
 use ostra_project::Project;
 use ostra_project::voted_cloud::{VotedCloud, is_stale};
 
-/// Whether the cloud in memory follows the masks, and what it is labelled by. Not a query: what the job makes takes the
-/// place of the cloud that it was made of.
+/// State of the live relabelling of the cloud in memory.
+///
+/// This is not a query, because the result replaces the cloud from which it was made.
 #[derive(Default)]
 pub(crate) struct LiveRevote {
     pub(crate) is_wanted: Cell<bool>,
     pub(crate) job: Option<JobId>,
-    /// What the cloud in memory is labelled by.
+    /// Inputs of the labels of the cloud in memory.
     pub(crate) counted: Option<VoteInputs>,
-    /// The revision of the project and the votes that were last looked at.
+    /// Revision of the project and the votes that were last examined.
     seen: Option<(u64, Weak<Votes>)>,
 }
 
-/// What votes are counted of.
+/// The inputs from which votes are counted.
 #[derive(Clone)]
 pub(crate) struct VoteInputs {
     votes: Weak<Votes>,
     parents: Vec<(LabelId, Option<LabelId>)>,
-    /// By frame number, those of voters that have one.
+    /// Masks of the voting frames by frame number; frames without a mask are missing.
     masks: BTreeMap<usize, Arc<RunMask>>,
 }
 
-/// Frames that vote differently now.
+/// Frames whose votes have changed.
 pub(crate) struct ChangedVoters {
     pub(crate) inputs: VoteInputs,
     pub(crate) frames: Vec<usize>,
 }
 
 impl VoteInputs {
-    /// What the frames would vote by now.
+    /// Returns the inputs for the current masks and labels.
     fn now(project: &Project, votes: &Arc<Votes>) -> Self {
         let masks = votes
             .frames()
@@ -54,7 +55,7 @@ impl VoteInputs {
         }
     }
 
-    /// The same masks, counted in other votes.
+    /// Returns the same masks as inputs of other votes.
     pub(crate) fn counted_in(self, votes: &Arc<Votes>) -> Self {
         Self {
             votes: Arc::downgrade(votes),
@@ -62,7 +63,7 @@ impl VoteInputs {
         }
     }
 
-    /// The voters whose masks differ from these.
+    /// Returns the voters whose masks differ between these inputs and the current ones.
     fn changed(&self, now: &Self, voters: impl Iterator<Item = usize>) -> Vec<usize> {
         let differs = |frame: &usize| match (self.masks.get(frame), now.masks.get(frame)) {
             (Some(before), Some(mask)) => !Arc::ptr_eq(before, mask) && before != mask,
@@ -73,7 +74,7 @@ impl VoteInputs {
 }
 
 impl LiveRevote {
-    /// Whether the labels of the cloud with these votes are those of the masks now.
+    /// Returns whether the labels of the cloud with these votes are those of the current masks.
     pub(crate) fn is_up_to_date(&self, project: &Project, votes: &Arc<Votes>) -> bool {
         self.counted.as_ref().is_some_and(|counted| {
             let now = VoteInputs::now(project, votes);
@@ -83,8 +84,10 @@ impl LiveRevote {
         })
     }
 
-    /// The frames that have to vote again in a cloud; `None` where its labels are up to date, or it is not known who voted.
-    /// Each revision of the project is looked at once.
+    /// Returns the frames of a cloud that have to vote again.
+    ///
+    /// Returns `None` if its labels are up to date or the frames that voted are unknown. Each
+    /// revision of the project is examined only once.
     pub(crate) fn changed_voters(
         &mut self,
         project: &Project,
@@ -113,7 +116,7 @@ impl LiveRevote {
             }
             None if is_stale(project) => votes.frames().collect(),
             None => {
-                // What was just made or loaded is labelled by the masks of now.
+                // A cloud that was just made or loaded has the labels of the current masks.
                 self.counted = Some(now);
                 return None;
             }

@@ -12,35 +12,42 @@ use ostra_compute::nn::{
 use ostra_core::job::JobId;
 use ostra_core::job::{Progress, Stopped};
 
-/// Every network that is known, and whether it is installed.
+/// Returns every known network, and whether it is installed.
 ///
 /// # Errors
-/// When the system has no data folder.
+///
+/// Returns an error if the system has no data folder.
 pub fn list_models() -> Result<Vec<Row>> {
     Ok(list(&Catalogue::bundled()?, &models_folder()?))
 }
 
-/// Takes a network (or ONNX Runtime) from files into our data folder, after checking it.
+/// Copies a network (or ONNX Runtime) from files to the data folder, after checking it.
 ///
 /// # Errors
-/// When the name is unknown, a file is not what it should be, or cannot be copied.
+///
+/// Returns an error if the name is unknown, or a file is not the expected one or cannot be copied.
 pub fn add_model(name: &str, files: &[PathBuf]) -> Result<Vec<Added>> {
     Ok(add(&Catalogue::bundled()?, &models_folder()?, name, files)?)
 }
 
-/// Loads an installed network and tells what it takes and gives.
+/// Loads an installed network and returns its inputs and outputs.
 ///
 /// # Errors
-/// When it is not installed, does not load or has another interface.
+///
+/// Returns an error if it is not installed, cannot be loaded or has another interface.
 pub fn check_model(name: &str) -> Result<Vec<CheckedFile>> {
     Ok(check(&Catalogue::bundled()?, &models_folder()?, name)?)
 }
 
-/// Gets a network (or ONNX Runtime) from the net into our data folder and checks it; `told` hears how far it is and whether
-/// to go on. What a broken download left is continued.
+/// Downloads a network (or ONNX Runtime) to the data folder and checks it.
+///
+/// `told` receives the progress and returns whether to continue. An interrupted download is
+/// resumed.
 ///
 /// # Errors
-/// When the name is unknown, it has no address, a download fails, or a file is not what it should be.
+///
+/// Returns an error if the name is unknown, it has no download address, a download fails, or a file
+/// is not the expected one.
 pub fn install_model(name: &str, told: &mut dyn FnMut(Fetched<'_>) -> bool) -> Result<Vec<Added>> {
     Ok(install(
         &Catalogue::bundled()?,
@@ -51,7 +58,9 @@ pub fn install_model(name: &str, told: &mut dyn FnMut(Fetched<'_>) -> bool) -> R
 }
 
 impl Session {
-    /// Does what is wanted of a network, beside all other jobs; files that could not be checked are told as warnings.
+    /// Starts a job that changes a network, next to all other jobs.
+    ///
+    /// Files that could not be checked are reported as warnings.
     pub(crate) fn change_model(&mut self, request: &ModelRequest) -> Result<JobId> {
         let title = request.title();
         let is_same = |job: &Job<Self>| matches!(&job.command, Some(Command::Model(other)) if other.is_same_work(request));
@@ -75,7 +84,7 @@ impl Session {
     }
 }
 
-/// Does it; returns what could not be checked, and why.
+/// Executes the request, and returns the files that could not be checked, with the reason.
 fn done(request: &ModelRequest, progress: &Progress) -> Result<Vec<String>> {
     let name = &request.name;
     let added = match &request.task {
@@ -93,7 +102,7 @@ fn done(request: &ModelRequest, progress: &Progress) -> Result<Vec<String>> {
     Ok(added.into_iter().filter_map(unchecked).collect())
 }
 
-/// Tells how many megabytes of a download are there.
+/// Reports how many megabytes of a download have arrived.
 fn told(now: Fetched<'_>, progress: &Progress) -> Result<(), Stopped> {
     let megabytes = |bytes: u64| usize::try_from(bytes / 1_000_000).unwrap_or(usize::MAX);
     let there = megabytes(now.bytes);

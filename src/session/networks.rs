@@ -1,4 +1,4 @@
-//! Networks are loaded by the first job that needs them, so that nothing in the window waits for one.
+//! Networks that the first job that needs them loads, so that the window never waits for one.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -17,7 +17,7 @@ use ostra_tracking::deaot::Deaot;
 use ostra_tracking::flow::{DenseFeatures, FeatureMap};
 use ostra_tracking::xmem::XMem;
 
-/// A network that is loaded when it is first needed, on the thread that needs it, and kept for the life of the program.
+/// A network that is loaded at its first use, on that thread, and kept until the program ends.
 struct Kept<T>(Mutex<Option<Arc<T>>>);
 
 impl<T> Kept<T> {
@@ -43,14 +43,14 @@ static XMEM: Kept<XMem> = Kept::new();
 static DEAOT: Kept<Deaot> = Kept::new();
 static XFEAT: Kept<XFeatCells> = Kept::new();
 
-/// Networks that can stand behind the segmenter `sam`, the most exact first.
+/// Networks of the segmenter `sam`, the most accurate first.
 const SAM_NETWORKS: [&str; 3] = ["sam-vit-b", "mobile-sam", "efficient-sam"];
 
-/// Segment Anything, by the first of its networks that is installed.
+/// Segment Anything with the first of its networks that is installed.
 pub(crate) struct KeptSam {
-    /// Its name in the catalogue.
+    /// Name of the network in the catalogue.
     pub(crate) network: &'static str,
-    /// Whether it looks closely at the surroundings of each prompt instead of once at the whole picture.
+    /// Whether a crop around each prompt is encoded instead of the whole image once.
     pub(crate) is_close: bool,
 }
 
@@ -78,17 +78,17 @@ impl Segmenter for KeptSam {
     }
 }
 
-/// YOLOX; loads it where it was not needed before.
+/// Returns YOLOX, and loads it at its first use.
 pub(crate) fn yolox() -> Result<Arc<dyn TextGrounder>, MaskError> {
     Ok(YOLOX.get(|| Yolox::load(&models_folder()?))?)
 }
 
-/// Grounding DINO; loads it where it was not needed before.
+/// Returns Grounding DINO, and loads it at its first use.
 pub(crate) fn grounding_dino() -> Result<Arc<dyn TextGrounder>, MaskError> {
     Ok(GROUNDING_DINO.get(|| GroundingDino::load(&models_folder()?))?)
 }
 
-/// XFeat, loaded when it is first asked for features.
+/// XFeat, loaded at its first use.
 #[derive(Debug)]
 pub(crate) struct KeptXFeat;
 
@@ -100,19 +100,20 @@ impl DenseFeatures for KeptXFeat {
     }
 }
 
-/// A network that carries masks.
+/// A network that propagates masks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum TrackNetwork {
     XMem,
     Deaot,
 }
 
-/// A tracker whose networks are loaded when it first tracks.
+/// A tracker whose network is loaded when it first tracks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct KeptTracker {
     pub(crate) network: TrackNetwork,
-    /// Shorter side of the pictures that it sees, px, and how much longer the longer side is; `None` = what it was evaluated
-    /// with.
+    /// Shorter side of the images in pixels, and the aspect ratio (longer / shorter side).
+    ///
+    /// `None` means the size with which the network was evaluated.
     pub(crate) seen: Option<(u32, f64)>,
 }
 
@@ -150,7 +151,7 @@ impl Tracker for KeptTracker {
     }
 }
 
-/// Whether a network is installed, and with it what runs it.
+/// Returns whether a network and ONNX Runtime are installed.
 pub(crate) fn is_usable(network: &str) -> bool {
     let installed = || {
         let (catalogue, folder) = (Catalogue::bundled().ok()?, models_folder().ok()?);
@@ -159,12 +160,14 @@ pub(crate) fn is_usable(network: &str) -> bool {
     installed().is_some() && Runtime::find().is_ok()
 }
 
-/// The first network behind `sam` that can be used.
+/// Returns the first network of `sam` that can be used.
 pub(crate) fn sam_network() -> Option<&'static str> {
     SAM_NETWORKS.into_iter().find(|network| is_usable(network))
 }
 
-/// The first network behind `superglue` that can be used: what is photographed is mostly outdoors, or looks like it.
+/// Returns the first network of `superglue` that can be used.
+///
+/// The outdoor one is preferred, because most images are taken outdoors or resemble outdoor images.
 pub(crate) fn superglue_network() -> Option<&'static str> {
     ["superglue-outdoor", "superglue-indoor"]
         .into_iter()

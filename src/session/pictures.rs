@@ -4,15 +4,16 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use ostra_core::job::Loader;
 use ostra_frames::{Frame, FrameStore, Image};
 
-/// Longest side of a thumbnail in pixels.
+/// Maximum side of a thumbnail in pixels.
 const THUMBNAIL_PX: u32 = 160;
-/// Pictures kept at full size: the one shown and its neighbours.
+/// Number of images kept at full size: the one shown and its neighbours.
 const PICTURES_KEPT: usize = 3;
-/// Thumbnails kept; at 160 × 120 pixels about 60 MB.
+/// Number of thumbnails kept; at 160 × 120 pixels they take about 60 MB.
 const THUMBNAILS_KEPT: usize = 1_000;
 
-/// Pictures and thumbnails for those who look: asked for again and again, never waited for. Loaded on worker threads,
-/// what is wanted now before what was wanted before.
+/// Images and thumbnails for display, loaded on worker threads and polled without waiting.
+///
+/// Current requests are loaded before earlier ones.
 pub struct Pictures {
     loader: Loader<ImageRequest, Result<Arc<Image>, String>>,
     state: Mutex<State>,
@@ -33,7 +34,9 @@ struct State {
     sent: Vec<ImageRequest>,
 }
 
-/// Pictures by frame number with the time of the last look; the longest unseen goes first.
+/// Images by frame number with the time of their last use.
+///
+/// The least recently used image is dropped first.
 #[derive(Default)]
 struct Shelf {
     kept: BTreeMap<usize, (u64, Arc<Image>)>,
@@ -41,7 +44,9 @@ struct Shelf {
 }
 
 impl Pictures {
-    /// Loads the pictures of `frames` through `store`. `notify` is called, on a worker's thread, when one arrived.
+    /// Loads the images of `frames` through `store`.
+    ///
+    /// `notify` is called on a worker's thread when an image has arrived.
     #[must_use]
     pub fn of(
         frames: Arc<Vec<Frame>>,
@@ -55,7 +60,7 @@ impl Pictures {
         Self::new(load, notify)
     }
 
-    /// As [`Self::of`], with any source of pictures.
+    /// Like [`Self::of`], with any source of images.
     #[must_use]
     pub fn new(
         load: impl Fn(usize) -> Result<Arc<Image>, String> + Send + Sync + 'static,
@@ -71,7 +76,9 @@ impl Pictures {
         }
     }
 
-    /// The frame's picture, as soon as it is there; asks for it, and for its neighbours after it.
+    /// Returns the frame's image if it is loaded.
+    ///
+    /// Requests the image, and then its neighbours.
     #[must_use]
     pub fn picture(&self, frame: usize) -> Option<Arc<Image>> {
         let mut state = self.lock();
@@ -84,7 +91,7 @@ impl Pictures {
         state.pictures.look(frame)
     }
 
-    /// The frame's thumbnail, as soon as it is there; asks for it.
+    /// Returns the frame's thumbnail if it is loaded, and requests it.
     #[must_use]
     pub fn thumbnail(&self, frame: usize) -> Option<Arc<Image>> {
         let mut state = self.lock();
@@ -92,13 +99,15 @@ impl Pictures {
         state.thumbnails.look(frame)
     }
 
-    /// Why the frame's picture could not be loaded.
+    /// Returns why the frame's image could not be loaded.
     #[must_use]
     pub fn failure(&self, frame: usize) -> Option<String> {
         self.lock().failures.get(&frame).cloned()
     }
 
-    /// Takes in the images that have arrived and sends the requests since the last call. Call it once per drawn frame.
+    /// Receives loaded images and sends the requests since the last call.
+    ///
+    /// Call it once per drawn frame.
     pub fn turn(&self) {
         let mut state = self.lock();
         for (request, result) in self.loader.take_done() {
@@ -177,7 +186,7 @@ impl Shelf {
     }
 }
 
-/// The picture made so small that its longer side has [`THUMBNAIL_PX`] pixels: means over blocks.
+/// Reduces an image to a longer side of [`THUMBNAIL_PX`] pixels by block means.
 fn thumbnail(image: &Image) -> Image {
     let longest = image.width.max(image.height);
     if longest <= THUMBNAIL_PX {
@@ -234,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn thumbnails_keep_shape_and_colour() {
+    fn thumbnails_keep_aspect_ratio_and_colour() {
         let small = thumbnail(&picture(90));
         assert_eq!((small.width, small.height), (160, 120));
         assert!(small.pixels.iter().all(|p| *p == [90; 3]));
@@ -247,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_arrive_with_neighbours_and_failures_are_told_once() {
+    fn images_arrive_with_neighbours_and_failures_are_reported() {
         let (told, notified) = channel();
         let load = |frame| {
             if frame == 9 {
@@ -268,7 +277,7 @@ mod tests {
         pictures.turn();
         while pictures.failure(9).is_none() {
             notified.recv_timeout(Duration::from_secs(60)).unwrap();
-            // As a panel does every frame: what is not asked for again is no longer wanted.
+            // Requests are repeated in every frame, as by a panel; others are dropped.
             assert!(pictures.thumbnail(9).is_none());
             pictures.turn();
         }
@@ -276,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn no_more_pictures_are_kept_than_allowed() {
+    fn number_of_kept_images_is_limited() {
         let mut shelf = Shelf::default();
         for frame in 0..20 {
             shelf.put(frame, Arc::new(picture(0)), 3);

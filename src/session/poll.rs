@@ -10,11 +10,13 @@ use ostra_core::job::JobId;
 use ostra_frames::take_video_damage;
 use ostra_project::OpenProject;
 
-/// How often [`Session::settle`] looks at progress while nothing happens.
+/// Interval at which [`Session::settle`] reports progress while nothing happens.
 const GLANCE: Duration = Duration::from_millis(50);
 
 impl Session {
-    /// Applies what jobs have done since the last call and reports what happened. Never waits for a job.
+    /// Applies the results of jobs since the last call and returns what happened.
+    ///
+    /// Never waits for a job.
     pub fn poll(&mut self) -> Vec<Event> {
         self.jobs.note_ended();
         self.warn_all(take_fall_backs());
@@ -30,8 +32,9 @@ impl Session {
         std::mem::take(&mut self.events)
     }
 
-    /// Works until no job runs and returns all that happened: how the command line waits. `on_progress` sees the
-    /// running jobs about twenty times a second; `Break` stops them.
+    /// Polls until no job runs, and returns all events, as the command line does.
+    ///
+    /// `on_progress` receives the running jobs about twenty times a second. `Break` stops them.
     pub fn settle(
         &mut self,
         mut on_progress: impl FnMut(&[JobView]) -> ControlFlow<()>,
@@ -40,7 +43,8 @@ impl Session {
         while self.jobs.iter().next().is_some() {
             if on_progress(&self.jobs()).is_break() {
                 self.stop_all();
-                // Before the job notices the stop: the process may be ended before it does.
+                // Save before the job notices the stop, because the process may be ended before
+                // that.
                 if let Err(error) = self.save_tracked(true) {
                     self.events.push(Event::Warning(format!("{error:#}")));
                 }
@@ -53,17 +57,20 @@ impl Session {
         events
     }
 
-    /// Writes a checkpoint of the open project now, on this thread: `project.toml` and the masks are as the project
-    /// is. Without it nothing is lost either; the journal has every step.
+    /// Writes a checkpoint of the open project now, on this thread.
+    ///
+    /// `project.toml` and the masks are then up to date. Without it nothing is lost, because the
+    /// journal holds every step.
     ///
     /// # Errors
-    /// When a file cannot be written.
+    ///
+    /// Returns an error if a file cannot be written.
     pub fn save(&mut self) -> Result<()> {
         self.wait_for_checkpoint();
         self.open.as_mut().map_or(Ok(()), OpenProject::save_now)
     }
 
-    /// Waits until no checkpoint is being written: two must not write the same files.
+    /// Waits until no checkpoint is being written, because two must not write the same files.
     pub(super) fn wait_for_checkpoint(&mut self) {
         let is_checkpoint = |job: &Job<Self>| job.kind == JobKind::Checkpoint && !job.has_ended();
         self.jobs.note_ended();
@@ -142,7 +149,9 @@ impl Session {
 }
 
 impl Drop for Session {
-    /// Stops what runs and writes a last checkpoint; if that fails, the journal still has every step.
+    /// Stops all jobs and writes a last checkpoint.
+    ///
+    /// If that fails, the journal still holds every step.
     fn drop(&mut self) {
         self.discard_jobs();
         if !std::thread::panicking() {

@@ -12,17 +12,17 @@ use ostra_masks::graph_cut::settled;
 use ostra_masks::{PreparedFrame, Segmenter};
 use ostra_tracking::supervoxels::GeometrySegmenter;
 
-/// Bytes of frames prepared for prompts.
+/// Memory for frames prepared for prompts, in bytes.
 const PREPARED_BYTES: usize = 384 << 20;
 
-/// What prompts are answered with, kept from one to the next.
+/// State that is kept between prompts.
 pub(crate) struct Prompting {
     pub(crate) prepared: Arc<PreparedFrames>,
-    /// The segmenter that knows the geometry of the project's frames.
+    /// Geometry segmenter for the project's frames.
     geometry: Option<Arc<GeometrySegmenter>>,
-    /// Name of the frame that was last asked to be prepared.
+    /// Name of the frame that was last requested to be prepared.
     pub(crate) preparing: Option<String>,
-    /// The segmenter that `auto` was last reported to be.
+    /// Segmenter that `auto` was last reported to be.
     pub(crate) reported: Option<&'static str>,
 }
 
@@ -38,13 +38,13 @@ impl Default for Prompting {
 }
 
 impl Prompting {
-    /// Drops frames and geometry; they come back when they are needed.
+    /// Drops prepared frames and geometry; they are made again when needed.
     pub(crate) fn release_memory(&mut self) {
         self.prepared = Arc::new(PreparedFrames::new(PREPARED_BYTES));
         self.geometry = None;
     }
 
-    /// The segmenter that knows the geometry of these frames.
+    /// Returns the geometry segmenter for these frames.
     pub(crate) fn geometry_for(
         &mut self,
         frames: &Arc<Vec<Frame>>,
@@ -56,7 +56,9 @@ impl Prompting {
     }
 }
 
-/// Frames made ready by segmenters, the latest used ones, bounded in bytes. Shared by all threads.
+/// Cache of frames prepared by segmenters, bounded in bytes and shared by all threads.
+///
+/// The least recently used frames are dropped.
 pub struct PreparedFrames {
     slots: Mutex<Slots>,
     budget_bytes: usize,
@@ -75,11 +77,15 @@ struct Slot {
     frame: Ready,
 }
 
-/// Locked while the frame is made ready, so that those who want the same one wait for it instead of doing it twice.
+/// Slot that is locked while the frame is prepared.
+///
+/// Threads that need the same frame wait for it instead of preparing it again.
 type Ready = Arc<Mutex<Option<Arc<dyn PreparedFrame>>>>;
 
 impl PreparedFrames {
-    /// A cache of at most `budget_bytes`, except that the frame used last is always kept.
+    /// Creates a cache of at most `budget_bytes`.
+    ///
+    /// The last used frame is always kept.
     #[must_use]
     pub fn new(budget_bytes: usize) -> Self {
         Self {
@@ -88,10 +94,14 @@ impl PreparedFrames {
         }
     }
 
-    /// The frame made ready, from the cache where it is there. Without its depth where that cannot be read.
+    /// Returns the prepared frame, from the cache if possible.
+    ///
+    /// If its depth cannot be read, the frame is prepared without it.
     ///
     /// # Errors
-    /// When the picture cannot be read or the segmenter fails, or on a stop.
+    ///
+    /// Returns an error if the image cannot be read, the segmenter fails, or the progress is
+    /// stopped.
     pub fn get(
         &self,
         segmenter: &dyn Segmenter,
@@ -114,7 +124,7 @@ impl PreparedFrames {
         progress.stage("prepare")?;
         let image = store.image(frame)?;
         let depth = match readable(store.depth(frame).map_err(SceneError::from))?.flatten() {
-            // Borders that stereo made lie where its windows do, a few pixels off.
+            // Depth borders from stereo are a few pixels off, because of its windows.
             Some(made) if !frame.has_sensor_depth() => Some(Arc::new(settled(&made, &image))),
             depth => depth,
         };
@@ -125,7 +135,7 @@ impl PreparedFrames {
         Ok(prepared)
     }
 
-    /// Whether so many bytes can be kept at once.
+    /// Returns whether this many bytes can be kept at once.
     #[must_use]
     pub fn has_room_for(&self, bytes: usize) -> bool {
         bytes <= self.budget_bytes

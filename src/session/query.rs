@@ -6,43 +6,44 @@ use crate::job_task::JobTask;
 use crate::jobs::{JobKind, Jobs};
 use ostra_core::job::JobId;
 
-/// What a background value depends on. The value is made again whenever its key changes.
+/// The inputs of a background value; the value is computed again when its key changes.
 pub(crate) trait QueryKey: Clone + PartialEq + Send + 'static {
-    /// Title of the job that makes the value.
+    /// Title of the job that computes the value.
     const TITLE: &'static str;
 
-    /// The task that panels find the job by; `None` for work that nothing looks for.
+    /// Task by which panels find the job; `None` for work that no panel looks up.
     const TASK: Option<JobTask> = None;
 
-    /// Reported when a value has arrived; `None` where the caller asks again by itself.
+    /// Event when a value has arrived; `None` if the caller polls for it.
     const EVENT: Option<Event> = None;
 
-    /// Kind of the job that makes the value.
+    /// Returns the kind of the job that computes the value.
     fn kind(&self) -> JobKind {
         JobKind::Background
     }
 
-    /// Whether a value of this key is shown until the value of `wanted` has arrived.
+    /// Returns whether a value of this key is shown until the value of `wanted` has arrived.
     fn serves(&self, _wanted: &Self) -> bool {
         false
     }
 
-    /// Whether work on this key is stopped, and its value dropped, once `wanted` is asked for.
+    /// Returns whether work on this key is stopped and its value dropped if `wanted` is requested.
     fn is_obsolete(&self, wanted: &Self) -> bool {
         self != wanted && !self.serves(wanted)
     }
 }
 
-/// A value that a job makes in the background when it is asked for.
+/// A value that a job computes in the background when it is requested.
 ///
-/// Callers ask with a key as often as they like (a panel does so for every frame it draws) and get what is known: the value
-/// of that key, or an earlier one that [serves](QueryKey::serves) until then. Of several keys the newest wins. At most one
-/// job works at a time; it is stopped when its key becomes [obsolete](QueryKey::is_obsolete). A key that failed is not tried
-/// again until another one was asked for.
+/// Callers request a key as often as they like; a panel does so for every frame it draws. They get
+/// the value of that key, or an earlier one that [serves](QueryKey::serves) until then. If several
+/// keys are requested, the newest wins. At most one job works at a time, and it is stopped when its
+/// key becomes [obsolete](QueryKey::is_obsolete). A key that failed is not tried again until
+/// another one was requested.
 pub(crate) struct Query<K, V> {
-    /// The newest key that was asked for.
+    /// Newest requested key.
     asked: RefCell<Option<K>>,
-    /// Whether its value was missing then.
+    /// Whether its value was missing at the time of the request.
     is_wanted: Cell<bool>,
     known: Option<(K, Arc<V>)>,
     running: Option<QueryJob<K>>,
@@ -55,14 +56,14 @@ struct QueryJob<K> {
     is_obsolete: bool,
 }
 
-/// A value that is known.
+/// A known value.
 pub(crate) struct Answer<'a, V> {
     pub(crate) value: &'a Arc<V>,
-    /// Whether it is the value of the very key; otherwise an earlier one that serves until then.
+    /// Whether it is the value of the requested key, and not an earlier one that serves.
     pub(crate) is_current: bool,
 }
 
-/// A value, and what the user should know about it.
+/// A value, and warnings for the user about it.
 pub(crate) struct WithWarnings<V> {
     pub(crate) value: V,
     pub(crate) warnings: Vec<String>,
@@ -90,7 +91,7 @@ impl<K, V> Default for Query<K, V> {
 }
 
 impl<K: QueryKey, V> Query<K, V> {
-    /// Asks for the value of a key and returns what is known by now.
+    /// Requests the value of a key and returns the known value.
     pub(crate) fn get(&self, key: K) -> Option<Answer<'_, V>> {
         let known = self.known(&key);
         self.is_wanted
@@ -99,29 +100,29 @@ impl<K: QueryKey, V> Query<K, V> {
         known
     }
 
-    /// Asks for the value of a key.
+    /// Requests the value of a key.
     pub(crate) fn ask(&self, key: K) {
         self.get(key);
     }
 
-    /// As [`Self::get`], without asking.
+    /// Like [`Self::get`], without requesting the value.
     pub(crate) fn known(&self, key: &K) -> Option<Answer<'_, V>> {
         let (of, value) = self.known.as_ref()?;
         let is_current = of == key;
         (is_current || of.serves(key)).then_some(Answer { value, is_current })
     }
 
-    /// What is known, whatever it is of.
+    /// Returns the known value with its key.
     pub(crate) fn latest(&self) -> Option<&(K, Arc<V>)> {
         self.known.as_ref()
     }
 
-    /// The newest key that was asked for.
+    /// Returns the newest requested key.
     pub(crate) fn asked(&self) -> Option<K> {
         self.asked.borrow().clone()
     }
 
-    /// The value of the newest key that was asked for, once it has arrived.
+    /// Returns the value of the newest requested key, once it has arrived.
     pub(crate) fn newest(&self) -> Option<&(K, Arc<V>)> {
         let asked = self.asked.borrow();
         self.known
@@ -139,7 +140,7 @@ impl<K: QueryKey, V> Query<K, V> {
         }
     }
 
-    /// Sets the value of a key, as if it had been asked for.
+    /// Sets the value of a key, as if it had been requested.
     pub(crate) fn put(&mut self, key: K, value: Arc<V>) {
         self.asked.replace(Some(key.clone()));
         self.is_wanted.set(false);
@@ -147,7 +148,9 @@ impl<K: QueryKey, V> Query<K, V> {
         self.known = Some((key, value));
     }
 
-    /// Drops the value and asks for nothing any more. A job that works goes on, but its value is dropped.
+    /// Drops the value and the request.
+    ///
+    /// A running job continues, but its value is dropped.
     pub(crate) fn clear(&mut self) {
         *self = Self {
             running: self.running.take(),
@@ -155,7 +158,9 @@ impl<K: QueryKey, V> Query<K, V> {
         };
     }
 
-    /// The key that a job is to be started for now; each is returned once. Discards work that has become obsolete.
+    /// Returns the key for which a job is to be started now; each key is returned once.
+    ///
+    /// Work that has become obsolete is discarded.
     pub(crate) fn next<S: 'static>(&mut self, jobs: &mut Jobs<S>) -> Option<K> {
         let asked = self.asked.borrow().clone()?;
         if let Some(running) = &mut self.running {
@@ -166,7 +171,7 @@ impl<K: QueryKey, V> Query<K, V> {
                 }
                 return None;
             }
-            // A job that succeeded is no longer here: this one failed, or was stopped.
+            // A job that succeeded is no longer here, so this one failed or was stopped.
             if !running.is_obsolete {
                 self.failed = Some(running.key.clone());
             }
@@ -185,7 +190,7 @@ impl<K: QueryKey, V> Query<K, V> {
         });
     }
 
-    /// Takes the value that a job made, unless that has become obsolete; returns whether it was taken.
+    /// Stores the value of a job unless it has become obsolete; returns whether it was stored.
     pub(crate) fn finished(&mut self, job: JobId, value: Arc<V>) -> bool {
         let Some(running) = self.running.take_if(|running| running.job == job) else {
             return false;

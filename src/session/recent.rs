@@ -2,18 +2,20 @@ use std::path::{Path, PathBuf};
 
 use ostra_core::disk;
 
-/// Projects opened before, latest first, kept in the system's data folder (`XDG_DATA_HOME` is honoured).
+/// Recently opened projects, latest first, stored in the system's data folder.
+///
+/// `XDG_DATA_HOME` is respected.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Recent {
     paths: Vec<PathBuf>,
     file: Option<PathBuf>,
 }
 
-/// More would be no choice any more.
+/// Maximum number of projects; a longer list would not help the user to choose.
 const MOST: usize = 12;
 
 impl Recent {
-    /// Reads the list; empty where there is none yet or it cannot be read.
+    /// Reads the list; it is empty if there is none yet or it cannot be read.
     #[must_use]
     pub fn load() -> Self {
         dirs::data_dir().map_or_else(Self::default, |dir| {
@@ -35,13 +37,15 @@ impl Recent {
         }
     }
 
-    /// The projects, latest first.
+    /// Returns the projects, latest first.
     #[must_use]
     pub fn paths(&self) -> &[PathBuf] {
         &self.paths
     }
 
-    /// Puts a project at the top and writes the list. A list that cannot be written is no reason to bother anyone.
+    /// Moves a project to the top and writes the list.
+    ///
+    /// A list that cannot be written is not reported, because it is only a convenience.
     pub fn opened(&mut self, path: &Path) {
         let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
         self.paths.retain(|other| *other != path);
@@ -64,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_latest_comes_first_and_is_there_once() {
+    fn latest_project_comes_first_and_is_listed_once() {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("ostra").join("recent.txt");
         let mut recent = Recent::load_from(file.clone());

@@ -6,23 +6,28 @@ use anyhow::{Context, Result};
 use crate::{Command, Event, Recipe, Session};
 use ostra_core::disk;
 
-/// A larger recipe is not read.
+/// Maximum size of a recipe that is read, in bytes.
 const MAX_BYTES: u64 = 1 << 30;
 
-/// The commands of a project in its folder, one a line, oldest first, over all sittings. Written without waiting for the
-/// disk: the project is made of its journal, and this file may be deleted.
+/// File in the project's folder with its commands, one per line, oldest first, over all sessions.
+///
+/// It is written without syncing, because the project is restored from its journal. The file may be
+/// deleted.
 const FILE: &str = "recipe.jsonl";
 
 impl Session {
-    /// The commands that came to an end, from the one that made the project on; those of earlier sittings are in it as
-    /// long as the project's folder tells of them.
+    /// Returns the commands that succeeded, beginning with the one that created the project.
+    ///
+    /// Commands of earlier sessions are included if the project's folder still lists them.
     #[must_use]
     pub fn recipe(&self) -> &Recipe {
         &self.recipe
     }
 
-    /// Adds a command that was carried out to the recipe. The one in the project's folder is a convenience: where it
-    /// cannot be read or written there is a warning.
+    /// Adds an executed command to the recipe.
+    ///
+    /// The recipe in the project's folder is a convenience. If it cannot be read or written, there
+    /// is only a warning.
     pub(crate) fn record(&mut self, command: Option<Command>) {
         let Some(command) =
             command.filter(|command| !matches!(command, Command::Stop | Command::Model(_)))
@@ -43,7 +48,7 @@ impl Session {
         if is_step {
             let is_opening = matches!(command, Command::Open(_) | Command::View(_));
             self.recipe.commands.push(command);
-            // A project that is only opened is left as it is, and so is one that is open for viewing.
+            // A project that was only opened is not changed, nor one that is open for viewing.
             let is_kept = !is_opening && self.view_reason().is_none();
             told = told.and(if is_kept {
                 self.write_last_step()
@@ -57,7 +62,9 @@ impl Session {
         }
     }
 
-    /// Writes the last command behind the others in the project's folder; all where it has none of them.
+    /// Appends the last command to the recipe in the project's folder.
+    ///
+    /// If the file does not exist or the project is new, all commands are written.
     fn write_last_step(&self) -> Result<()> {
         let Some(path) = self.root().map(|root| root.join(FILE)) else {
             return Ok(());
@@ -70,7 +77,7 @@ impl Session {
             &commands[commands.len() - 1..]
         };
         let write = || -> Result<()> {
-            // A line that a crash cut off ends before the next one.
+            // The leading line break terminates a line that a crash cut off.
             let lines: Vec<String> = new
                 .iter()
                 .map(|command| Ok(format!("\n{}", serde_json::to_string(command)?)))
@@ -80,7 +87,8 @@ impl Session {
             }
             let mut file = disk::open_in_place(&path)?;
             let before = file.seek(SeekFrom::End(0))?;
-            // What a full disk cut off is taken back: half a line would be reported as damage at every later opening.
+            // Remove what a full disk cut off. Half a line would be reported as damage whenever the
+            // project is opened.
             let take_back = |_: &_| drop(file.set_len(before));
             Ok((&file)
                 .write_all(lines.concat().as_bytes())
@@ -90,11 +98,11 @@ impl Session {
     }
 }
 
-/// The commands that a project's folder tells of, and an error where that is not all of them.
+/// Returns the commands listed in a project's folder, and an error if some are missing.
 fn read(root: &Path) -> (Vec<Command>, Result<()>) {
     let path = root.join(FILE);
     let text = match disk::read_regular_up_to(&path, MAX_BYTES) {
-        // A byte that is no text damages its line only.
+        // A byte that is not UTF-8 damages only its line.
         Ok(bytes) => String::from_utf8_lossy(&bytes).into_owned(),
         Err(error) if error.kind() == ErrorKind::NotFound => return (Vec::new(), Ok(())),
         Err(error) => {
@@ -124,7 +132,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn commands_of_earlier_sittings_are_read_and_damage_is_told() {
+    fn commands_of_earlier_sessions_are_read_and_damage_is_reported() {
         let dir = tempfile::tempdir().unwrap();
         let (none, told) = read(dir.path());
         assert!(none.is_empty() && told.is_ok());

@@ -1,4 +1,4 @@
-//! What commands ask for.
+//! Requests that commands contain.
 
 use std::path::PathBuf;
 
@@ -11,14 +11,14 @@ use ostra_cloud::select::SelectStep;
 use ostra_masks::{Direction, LabelId, PxBox};
 use ostra_project::{GrounderId, MaskOrigin, Project, SegmenterId, TrackerId};
 
-/// What to look for by words.
+/// A search for objects by text.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GroundRequest {
     /// Frame number.
     pub frame: usize,
-    /// Each of them names a class of things.
+    /// Phrases, each of which names a class of objects.
     pub phrases: Vec<String>,
-    /// Least score of what is found, 0–1; chosen by the grounder when absent.
+    /// Minimum score of found objects, 0–1; chosen by the grounder if absent.
     #[serde(default)]
     pub threshold: Option<f32>,
     /// Grounder that searches.
@@ -26,14 +26,14 @@ pub struct GroundRequest {
     pub grounder: GrounderId,
 }
 
-/// Things that become labels, each an instance of its phrase's.
+/// Objects that become labels, each an instance of the label of its phrase.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TakeRequest {
     /// Frame number.
     pub frame: usize,
-    /// What each is, and the box around it.
+    /// Phrase and bounding box of each object.
     pub things: Vec<(String, PxBox)>,
-    /// Segmenter that makes masks of the boxes.
+    /// Segmenter that makes masks from the boxes.
     #[serde(default)]
     pub segmenter: SegmenterId,
 }
@@ -43,34 +43,35 @@ pub struct TakeRequest {
 pub struct PaintRequest {
     /// Frame number.
     pub frame: usize,
-    /// The label painted, or the one erased.
+    /// Label to paint or to erase.
     pub label: LabelId,
-    /// Corners of the stroke or polygon in pixels.
+    /// Points of the stroke or corners of the polygon, in pixels.
     pub points_px: Vec<DVec2>,
-    /// Brush radius in pixels; 0 = the points are a polygon to fill.
+    /// Brush radius in pixels; 0 means that the points are a polygon to fill.
     pub radius_px: f64,
-    /// `true` takes the label away where the stroke goes.
+    /// Whether the label is erased along the stroke.
     pub erase: bool,
-    /// `true` = pixels of other labels are taken over too.
+    /// Whether pixels of other labels are overwritten.
     pub replace: bool,
-    /// `true` = the brush stops at the picture's edges on which the inner half of its radius does not lie; a polygon
-    /// is filled as it is.
+    /// Whether the brush stops at image edges outside the inner half of its radius.
+    ///
+    /// A polygon is not affected.
     #[serde(default)]
     pub snap: bool,
 }
 
-/// A border of a label pulled to where it belongs, on a frame.
+/// A drag of a label's border on a frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PullRequest {
     /// Frame number.
     pub frame: usize,
-    /// The label whose border is pulled.
+    /// Label whose border is dragged.
     pub label: LabelId,
-    /// Pulled from the place on its borders that is nearest to this, in pixels.
+    /// Start of the drag in pixels; it grabs the nearest point of the label's border.
     pub from_px: DVec2,
-    /// Where it is pulled to, in pixels.
+    /// End of the drag in pixels.
     pub to_px: DVec2,
-    /// `true` = pixels of other labels are taken over too.
+    /// Whether pixels of other labels are overwritten.
     pub replace: bool,
 }
 
@@ -79,64 +80,68 @@ pub struct PullRequest {
 pub struct TraceRequest {
     /// Frame number.
     pub frame: usize,
-    /// The label that gets its pixels.
+    /// Label that receives its pixels.
     pub label: LabelId,
-    /// Two points along it or more, in pixels; it ends at the first and the last.
+    /// Two or more points along the structure, in pixels; it ends at the first and the last.
     pub points_px: Vec<DVec2>,
-    /// `true` = pixels of other labels are taken over too.
+    /// Whether pixels of other labels are overwritten.
     #[serde(default)]
     pub replace: bool,
 }
 
-/// Holes and islands of a label on a frame.
+/// Holes to fill and islands to remove in a label on a frame.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TidyRequest {
     /// Frame number.
     pub frame: usize,
-    /// The label; pixels of others stay.
+    /// Label to clean; pixels of other labels stay unchanged.
     pub label: LabelId,
-    /// Holes of fewer pixels are filled; 0 = none.
+    /// Holes with fewer pixels are filled; 0 fills none.
     #[serde(default)]
     pub holes_below_px: usize,
-    /// Islands of fewer pixels are removed, never the largest piece; 0 = none.
+    /// Islands with fewer pixels are removed, except the largest piece; 0 removes none.
     #[serde(default)]
     pub islands_below_px: usize,
 }
 
-/// How to track.
+/// Settings of a tracking run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TrackSettings {
     /// Tracker.
     pub tracker: TrackerId,
-    /// First frame; none = 0.
+    /// First frame; `None` means 0.
     #[serde(default)]
     pub from: Option<usize>,
-    /// Last frame (included); none = the last.
+    /// Last frame, inclusive; `None` means the last one.
     #[serde(default)]
     pub to: Option<usize>,
-    /// Which way.
+    /// Direction of tracking.
     #[serde(default)]
     pub direction: Direction,
-    /// Hold the masks against the anchors' masks carried through geometry.
+    /// Whether the masks are checked against the keyframes' masks re-projected through geometry.
     #[serde(default)]
     pub constrain: bool,
-    /// Only these labels are taken from the tracker, every pixel of another label stays as it is; empty = all labels.
+    /// Labels that are tracked; all pixels of other labels stay unchanged. Empty means all labels.
     #[serde(default)]
     pub labels: Vec<LabelId>,
-    /// The chosen labels are written over others too.
+    /// Whether the chosen labels are written over others too.
     #[serde(default)]
     pub replace: bool,
-    /// The run ends at the first frame on which it is less sure of a label than this, 0–1; none = it goes on.
+    /// Confidence of a label, 0–1, below which the run pauses at the first such frame.
+    ///
+    /// `None` never pauses.
     #[serde(default)]
     pub pause_below: Option<f32>,
-    /// Shorter side of the pictures that a network sees, px, at least 64: more shows thinner things and takes longer; none =
-    /// what it was evaluated with. For `xmem` and `deaot`.
+    /// Shorter side of the images for a network (`xmem`, `deaot`), in pixels, at least 64.
+    ///
+    /// A larger value shows thinner objects and takes longer. `None` means the size with which the
+    /// network was evaluated.
     #[serde(default)]
     pub short_side: Option<u32>,
 }
 
 impl Default for TrackSettings {
-    /// All labels over all frames, both ways, with the best tracker that is installed.
+    /// Returns the settings for all labels and frames, in both directions, with the best tracker.
     fn default() -> Self {
         Self {
             tracker: TrackerId::Auto,
@@ -153,11 +158,15 @@ impl Default for TrackSettings {
 }
 
 impl TrackSettings {
-    /// The same from the anchor before `frame` to the anchor after it (both excluded; the sequence's end where there is
-    /// none): what a correction of that frame can better.
+    /// Limits the range to the frames between the keyframes before and after `frame`.
+    ///
+    /// Both keyframes are excluded. If there is none on one side, the range ends at the end of the
+    /// sequence. A correction of `frame` can improve exactly these frames.
     ///
     /// # Errors
-    /// When the frame is not there or no anchor, or both its neighbours are anchors.
+    ///
+    /// Returns an error if the frame does not exist or is not a keyframe, or both its neighbours
+    /// are keyframes.
     pub fn around(self, project: &Project, frame: usize) -> Result<Self> {
         project.frame(frame)?;
         let is_anchor = project
@@ -183,21 +192,23 @@ impl TrackSettings {
     }
 }
 
-/// Which label is told apart into instances.
+/// A label that is divided into instances.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct InstancesRequest {
-    /// The class; the instances become labels below it.
+    /// Label of the class; the instances become labels below it.
     pub label: LabelId,
-    /// When points are one instance.
+    /// Options that decide which points are one instance.
     #[serde(default)]
     pub options: InstanceOptions,
 }
 
-/// Which pieces without a label are adopted by what they hang on.
+/// Settings for assigning unlabelled pieces to the labelled object they are attached to.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct AdoptRequest {
-    /// Points at most this many spacings (median distances between labelled neighbours) apart hang together, 1.5–20.
+    /// Maximum distance of connected points as a multiple of the spacing, 1.5–20.
+    ///
+    /// The spacing is the median distance between labelled neighbours.
     pub radius: f64,
 }
 
@@ -207,30 +218,32 @@ impl Default for AdoptRequest {
     }
 }
 
-/// A correction in 3-D: points of the cloud are chosen, and every mask that sees them is changed.
+/// A correction in 3-D: every mask that sees the selected points of the cloud is changed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CloudCorrection {
-    /// How the points are chosen, step by step.
+    /// Steps that select the points.
     pub select: Vec<SelectStep>,
-    /// What becomes of the pixels that see them.
+    /// Change of the pixels that see them.
     pub change: CloudChange,
-    /// The frames that change become anchors; else each stays what it was, and a frame without a mask gets a tracked one.
+    /// Whether the frames that change become keyframes.
+    ///
+    /// Otherwise their origin stays the same, and a frame without a mask gets a tracked one.
     #[serde(default)]
     pub as_anchors: bool,
 }
 
-/// What a correction in 3-D does to the pixels that see the chosen points.
+/// A change of the pixels that see the selected points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CloudChange {
-    /// They become this label's.
+    /// They get this label.
     Assign(LabelId),
-    /// They become nothing's.
+    /// They become unlabelled.
     Clear,
 }
 
 impl CloudChange {
-    /// The label that pixels get.
+    /// Returns the label that the pixels get.
     #[must_use]
     pub fn label(self) -> LabelId {
         match self {
@@ -240,29 +253,29 @@ impl CloudChange {
     }
 }
 
-/// What is wanted of a network of the catalogue (or of ONNX Runtime).
+/// A task for a network of the catalogue (or for ONNX Runtime).
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ModelRequest {
-    /// Its name in the catalogue.
+    /// Name in the catalogue.
     pub name: String,
-    /// What is to be done.
+    /// Task to perform.
     pub task: ModelTask,
 }
 
-/// What can be done with a network of the catalogue.
+/// A task for a network of the catalogue.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ModelTask {
-    /// Gets it from the net.
+    /// Downloads it.
     Install,
-    /// Takes it from files, or from a folder that holds them under the catalogue's names.
+    /// Copies it from files, or from a folder that holds them under the catalogue's names.
     Add(Vec<PathBuf>),
-    /// Loads what is installed and holds it against what is expected.
+    /// Loads the installed network and compares it with what is expected.
     Check,
 }
 
 impl ModelRequest {
-    /// Title of the job that does it.
+    /// Returns the title of the job.
     #[must_use]
     pub fn title(&self) -> String {
         let verb = match self.task {
@@ -273,7 +286,7 @@ impl ModelRequest {
         format!("{verb} {}", self.name)
     }
 
-    /// Whether both do the same to the same network.
+    /// Returns whether both requests have the same task for the same network.
     pub(crate) fn is_same_work(&self, other: &Self) -> bool {
         let task = std::mem::discriminant::<ModelTask>;
         self.name == other.name && task(&self.task) == task(&other.task)
@@ -287,7 +300,7 @@ mod tests {
     use ostra_project::testing::{anchor, project, tracked};
 
     #[test]
-    fn a_correction_reaches_from_anchor_to_anchor() {
+    fn correction_affects_frames_between_the_neighbouring_keyframes() {
         let mut project = project();
         let around = |project: &Project, frame| {
             let settings = TrackSettings::default().around(project, frame);

@@ -25,14 +25,16 @@ use ostra_masks::{Region, RunMask};
 use ostra_project::OpenProject;
 use ostra_project::{Edit, Project};
 
-/// Bytes of decoded images and depths kept.
+/// Memory for decoded images and depths, in bytes.
 pub(crate) const PIXEL_BYTES: usize = 256 << 20;
 
 /// Applies the result of a job to the session.
 pub type JobCompletion = Completion<Session>;
 
-/// The open project (or none), running jobs, and what is kept in memory: what window and command line talk to.
-/// [`Session::act`] takes commands, [`Session::poll`] applies what jobs have done; neither waits.
+/// The open project (if any), its running jobs, and its data in memory.
+///
+/// Window and command line use the project through a session. [`Session::act`] executes commands,
+/// and [`Session::poll`] applies the results of jobs. Neither waits.
 pub struct Session {
     pub(crate) open: Option<OpenProject>,
     pub(crate) inspected: Option<PathBuf>,
@@ -48,7 +50,7 @@ pub struct Session {
     pub(crate) grounding: Option<Grounding>,
 }
 
-/// What jobs make in the background while it is looked at.
+/// Results of background jobs for the open project.
 #[derive(Default)]
 pub(crate) struct Background {
     pub(crate) cloud: CloudQuery,
@@ -73,7 +75,7 @@ impl Default for Session {
 }
 
 impl Session {
-    /// A session in which nothing is open.
+    /// Creates a session without an open project.
     #[must_use]
     pub fn new() -> Self {
         Self {
@@ -95,56 +97,62 @@ impl Session {
         }
     }
 
-    /// Drops what is only kept to answer sooner: frames prepared for prompts, the geometry of the scene and the cloud. All
-    /// of it comes back when it is asked for.
+    /// Drops data that is kept only for speed.
+    ///
+    /// These are the prepared frames, the geometry of the scene and the cloud. All of them are made
+    /// or loaded again when requested.
     pub fn release_memory(&mut self) {
         self.prompting.release_memory();
         self.background.cloud.loaded.clear();
     }
 
-    /// The open project.
+    /// Returns the open project.
     #[must_use]
     pub fn project(&self) -> Option<&Arc<Project>> {
         self.open.as_ref().map(OpenProject::project)
     }
 
-    /// The open project's folder.
+    /// Returns the open project's folder.
     #[must_use]
     pub fn root(&self) -> Option<&Path> {
         self.open.as_ref().map(OpenProject::root)
     }
 
-    /// Why no step can be made in the open project; `None` where it is open for writing.
+    /// Returns why no step can be made, or `None` if the project is open for writing.
     #[must_use]
     pub fn view_reason(&self) -> Option<&str> {
         self.open.as_ref()?.view_reason()
     }
 
-    /// The labelled PLY that is open alone.
+    /// Returns the path of the inspected PLY.
     #[must_use]
     pub fn inspected(&self) -> Option<&Path> {
         self.inspected.as_deref()
     }
 
-    /// Where images and depths are loaded.
+    /// Returns the store that loads images and depths.
     #[must_use]
     pub fn store(&self) -> &Arc<FrameStore> {
         &self.store
     }
 
-    /// How often the user clicked, boxed, painted or corrected since the session began; what was undone counts.
+    /// Returns how often the user prompted, painted or corrected since the session began.
+    ///
+    /// Undone interactions count too.
     #[must_use]
     pub fn interactions(&self) -> usize {
         self.interactions
     }
 
-    /// The pixels of a frame's mask before the last step that changed them; `None` when no step known did.
+    /// Returns the pixels of a frame's mask before the last step that changed them.
+    ///
+    /// Returns `None` if no known step did.
     #[must_use]
     pub fn mask_before(&self, frame: usize) -> Option<Arc<RunMask>> {
         self.open.as_ref()?.history().mask_before(frame)
     }
 
-    /// What [`Command::Undo`](crate::Command::Undo) would take back.
+    /// Returns the title of the step that [`Command::Undo`](crate::Command::Undo) would revert.
     #[must_use]
     pub fn undo_title(&self) -> Option<&str> {
         self.open
@@ -154,7 +162,7 @@ impl Session {
             .map(|step| step.title.as_str())
     }
 
-    /// What [`Command::Redo`](crate::Command::Redo) would do again.
+    /// Returns the title of the step that [`Command::Redo`](crate::Command::Redo) would repeat.
     #[must_use]
     pub fn redo_title(&self) -> Option<&str> {
         self.open
@@ -164,7 +172,7 @@ impl Session {
             .map(|step| step.title.as_str())
     }
 
-    /// The jobs that run, oldest first, without those that the user did not ask for.
+    /// Returns the running jobs that the user requested, oldest first.
     #[must_use]
     pub fn jobs(&self) -> Vec<JobView> {
         self.jobs
@@ -174,19 +182,19 @@ impl Session {
             .collect()
     }
 
-    /// `wake` is called, on a worker's thread, whenever [`Self::poll`] has something to apply.
+    /// Sets a function that is called on a worker's thread when [`Self::poll`] has work to do.
     pub fn set_waker(&mut self, wake: impl Fn() + Send + 'static) {
         self.jobs.set_waker(wake);
     }
 
-    /// The open project, for making steps.
+    /// Returns the open project for making steps.
     pub(crate) fn opened(&mut self) -> Result<&mut OpenProject> {
         self.open
             .as_mut()
             .context("no project is open; open one first")
     }
 
-    /// A snapshot of the open project.
+    /// Returns a snapshot of the open project.
     pub(crate) fn snapshot(&self) -> Result<Arc<Project>> {
         self.project()
             .cloned()
@@ -201,7 +209,7 @@ impl Session {
         Ok(())
     }
 
-    /// Reports a change; the files of results follow it.
+    /// Reports a change and publishes the current files of results.
     pub(crate) fn report_changed(&mut self) {
         self.events.push(Event::Changed);
         let published = self.open.as_mut().map_or(Ok(()), OpenProject::publish);
@@ -210,7 +218,7 @@ impl Session {
         }
     }
 
-    /// Long jobs run one at a time.
+    /// Checks that no long job is running, because only one may run at a time.
     pub(crate) fn check_no_long_job(&self) -> Result<()> {
         let running = self
             .jobs
@@ -251,7 +259,7 @@ impl Session {
             .for_each(Job::stop);
     }
 
-    /// Stops all jobs of what is open now; what they still bring is dropped.
+    /// Stops all jobs and drops their further results.
     pub(crate) fn discard_jobs(&mut self) {
         self.jobs.iter_mut().for_each(Job::discard);
     }

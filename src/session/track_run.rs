@@ -19,36 +19,38 @@ pub(crate) struct TrackRun {
     pub(crate) engine: &'static str,
     pub(crate) title: String,
     pub(crate) settings: String,
-    /// What of its frames is taken.
+    /// Labels that are taken from its frames.
     pub(crate) choice: LabelChoice,
     pub(crate) begun: Instant,
-    /// What it was given.
+    /// The project at the start of the run.
     pub(crate) made_from: Arc<Project>,
     /// Frames done so far.
     pub(crate) done: BTreeSet<usize>,
     pub(crate) waiting: Vec<(usize, FrameMask)>,
     pub(crate) saved: Instant,
-    /// Confidence below which it ends by itself.
+    /// Confidence below which the run pauses.
     pub(crate) pause_below: Option<f32>,
     pub(crate) pause: Option<Pause>,
 }
 
-/// The frame at which a run ended by itself, and the label it was least confident of.
+/// The frame at which a run paused, and the label with the lowest confidence.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pause {
     pub(crate) frame: usize,
     pub(crate) label: LabelId,
-    /// Between 0 and 1.
+    /// Confidence between 0 and 1.
     pub(crate) confidence: f32,
 }
 
 impl TrackRun {
-    /// Whether this is the run of that job.
+    /// Returns whether this is the run of that job.
     pub(crate) fn is_of(&self, job: JobId) -> bool {
         self.job == job
     }
 
-    /// Where the run ends by itself at a frame: at the label it is least confident of, if that is not confident enough.
+    /// Returns whether and why the run pauses at a frame.
+    ///
+    /// It pauses at the label with the lowest confidence, if that is too low.
     pub(crate) fn pause_at(
         &self,
         project: &Project,
@@ -84,7 +86,7 @@ impl TrackRun {
     }
 }
 
-/// What a tracker is given for these settings.
+/// Returns the tracker's request for these settings.
 pub fn track_request(
     project: &Project,
     store: &Arc<FrameStore>,
@@ -127,7 +129,7 @@ pub fn track_request(
     })
 }
 
-/// A tracker's answer as a project holds it.
+/// Converts a tracker's result to the form of a project.
 pub fn carried(tracked: TrackedFrame) -> (usize, FrameMask) {
     let TrackedFrame {
         frame,
@@ -147,7 +149,7 @@ pub fn carried(tracked: TrackedFrame) -> (usize, FrameMask) {
     )
 }
 
-/// Whether the anchors are no longer those that a run was given.
+/// Returns whether the keyframes differ from those that a run started from.
 pub(crate) fn anchors_differ(before: &Project, now: &Project) -> bool {
     let anchors = |project: &Project| -> Vec<_> {
         let anchors = project
@@ -161,7 +163,7 @@ pub(crate) fn anchors_differ(before: &Project, now: &Project) -> bool {
     anchors(before) != anchors(now)
 }
 
-/// Names of the labels that alone are tracked; empty = all.
+/// Returns the names of the labels to track; empty means all.
 pub(crate) fn only_labels(project: &Project, settings: &TrackSettings) -> String {
     let names = settings
         .labels

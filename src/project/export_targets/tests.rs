@@ -1,7 +1,7 @@
 use super::*;
 
 #[test]
-fn changed_and_foreign_files_are_kept_and_unchanged_exports_are_replaced() {
+fn unchanged_exports_are_replaced_but_changed_and_foreign_files_are_kept() {
     let dir = tempfile::tempdir().unwrap();
     let (mine, notes) = (dir.path().join("a.csv"), dir.path().join("notes.txt"));
     let check = |overwrite: bool, file: &Path| {
@@ -34,7 +34,7 @@ fn changed_and_foreign_files_are_kept_and_unchanged_exports_are_replaced() {
 }
 
 #[test]
-fn folders_with_files_of_others_are_refused() {
+fn folders_with_foreign_files_are_rejected() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("masks");
     let targets = ExportTargets::default();
@@ -59,7 +59,7 @@ fn folders_with_files_of_others_are_refused() {
 }
 
 #[test]
-fn what_an_interrupted_export_left_is_replaced_when_asked() {
+fn files_left_by_an_interrupted_export_are_replaced_on_request() {
     let dir = tempfile::tempdir().unwrap();
     let (file, folder) = (dir.path().join("c.ply"), dir.path().join("masks"));
     let names = ([file.clone()], [folder.clone()]);
@@ -77,7 +77,7 @@ fn what_an_interrupted_export_left_is_replaced_when_asked() {
 }
 
 #[test]
-fn what_a_failed_export_wrote_is_known_and_the_rest_is_not() {
+fn files_written_by_a_failed_export_are_recorded_and_others_are_not() {
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name);
     let files = [path("c.ply"), path("c_stem.ply")];
@@ -104,7 +104,7 @@ fn what_a_failed_export_wrote_is_known_and_the_rest_is_not() {
 }
 
 #[test]
-fn what_an_earlier_export_left_in_a_folder_is_removed() {
+fn files_of_an_earlier_export_are_removed_from_the_folder() {
     let dir = tempfile::tempdir().unwrap();
     let folders = [dir.path().join("model")];
     let write = |names: &[&str]| {
@@ -131,7 +131,7 @@ fn what_an_earlier_export_left_in_a_folder_is_removed() {
 }
 
 #[test]
-fn two_outputs_of_one_name_are_refused() {
+fn two_outputs_with_the_same_name_are_rejected() {
     let (a, b) = (Path::new("/out/Leaf.ply"), Path::new("/out/leaf.ply"));
     assert!(
         ExportTargets::default()
@@ -143,7 +143,7 @@ fn two_outputs_of_one_name_are_refused() {
 }
 
 #[test]
-fn places_inside_a_project_are_refused_by_any_path() {
+fn targets_inside_a_project_are_rejected_by_any_path() {
     let dir = tempfile::tempdir().unwrap();
     let root = dir.path().join("project");
     fs::create_dir(&root).unwrap();

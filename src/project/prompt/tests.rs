@@ -10,7 +10,7 @@ use ostra_masks::MaskError;
 const LEAF: LabelId = LabelId(1);
 const STEM: LabelId = LabelId(2);
 
-/// Answers with the rows of all clicks that include, and notes what it was asked.
+/// Test segmenter that answers with the rows of all including clicks and records its requests.
 #[derive(Default)]
 struct RowSegmenter {
     asked: Mutex<Vec<Asked>>,
@@ -74,7 +74,7 @@ fn request(label: LabelId, clicks: &[(f64, f64, bool)]) -> PromptRequest {
 }
 
 #[test]
-fn each_new_click_on_a_mask_refines_the_answer_to_the_one_before() {
+fn each_new_click_on_a_mask_refines_the_previous_answer() {
     let project = with_mask([1, 0, 0]);
     let request = request(LEAF, &[(0.5, 1.5, true), (0.5, 2.5, true)]);
     let meaning = PromptMeaning::new(&project, &request).unwrap();
@@ -105,7 +105,7 @@ fn each_new_click_on_a_mask_refines_the_answer_to_the_one_before() {
 }
 
 #[test]
-fn the_label_under_the_newest_click_gives_way_if_the_click_includes() {
+fn label_under_the_newest_click_gives_way_if_the_click_includes() {
     let project = with_mask([0, 2, 2]);
     let taken = |include: bool| {
         let request = request(LEAF, &[(0.5, 0.5, true), (0.5, 1.5, include)]);
@@ -145,7 +145,7 @@ fn clicks_of_other_labels_exclude() {
 }
 
 #[test]
-fn a_preview_and_a_click_ask_the_same_and_change_the_same_pixels() {
+fn preview_and_click_ask_the_same_and_change_the_same_pixels() {
     let project = with_mask([1, 2, 0]);
     let request = request(LEAF, &[(0.5, 1.5, true)]);
     let answer = || {
@@ -162,7 +162,7 @@ fn a_preview_and_a_click_ask_the_same_and_change_the_same_pixels() {
 }
 
 #[test]
-fn a_meaning_holds_until_the_frame_or_a_label_changes() {
+fn meaning_is_valid_until_the_frame_or_a_label_changes() {
     let mut project = with_mask([1, 0, 0]);
     let meaning = PromptMeaning::new(&project, &request(LEAF, &[(0.5, 1.5, true)])).unwrap();
     let set = |frame| Edit::SetMask {

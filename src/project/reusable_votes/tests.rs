@@ -5,7 +5,7 @@ use ostra_frames::FrameStore;
 
 const POINTS: usize = 9;
 
-/// The votes of frames on points in front of [`camera`].
+/// Returns the votes of frames on points in front of [`camera`].
 fn votes_of(frames: &[Frame]) -> Votes {
     let place = |k: usize| glam::Vec3::new((k % 3) as f32, (k / 3) as f32, 20.0) * 0.1;
     let cloud = LabelledCloud::from_positions((0..POINTS).map(place).collect());
@@ -25,7 +25,7 @@ fn votes_of(frames: &[Frame]) -> Votes {
 }
 
 #[test]
-fn points_that_no_frame_sees_cannot_be_labelled_again() {
+fn points_that_no_frame_sees_cannot_be_relabelled() {
     let votes = votes_of(&[]);
     assert!(
         votes.has_voters() && votes.len() == POINTS,
@@ -35,7 +35,7 @@ fn points_that_no_frame_sees_cannot_be_labelled_again() {
 }
 
 #[test]
-fn votes_of_frames_fit_the_points_that_they_were_made_for_alone() {
+fn votes_fit_only_the_points_that_they_were_made_for() {
     let seeing = Frame {
         camera: Some(camera(0.0)),
         ..frame("a.png")

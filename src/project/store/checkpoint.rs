@@ -9,42 +9,45 @@ use super::{history_file, manifest, mask_files, versions};
 use crate::{History, Project};
 use ostra_core::job::Progress;
 
-/// The history keeps at least this many bytes of steps, and at most twice as many.
+/// Minimum size of the stored history, in bytes; it grows to at most twice as much.
 pub const HISTORY_BYTES: usize = 16 << 20;
 
-/// What the files beside the journal hold.
+/// State of the files next to the journal after a checkpoint.
 #[derive(Debug, Clone, Default)]
 pub struct Written {
-    /// `project.toml`: the state after this record.
+    /// Number of the last record that `project.toml` contains.
     pub seq: u64,
     /// The masks.
     pub masks: Runs,
-    /// `sparse/`; `None` = not known.
+    /// State of `sparse/`; `None` if unknown.
     pub sparse: Option<WrittenSparse>,
-    /// Bytes of whole lines in `history.jsonl`.
+    /// Bytes of complete lines in `history.jsonl`.
     pub history_length: u64,
     /// Number of the last record in `history.jsonl`.
     pub history_seq: u64,
 }
 
-/// All that a checkpoint writes, as it was when the checkpoint was begun.
+/// The data that a checkpoint writes, as of the time when it was begun.
 #[derive(Debug)]
 pub struct Checkpoint {
     pub(super) root: PathBuf,
     pub(super) project: Arc<Project>,
     pub(super) history: History,
-    /// The journal's records that `history.jsonl` lacks.
+    /// Records of the journal that `history.jsonl` lacks.
     pub(super) lines: Vec<u8>,
     pub(super) seq: u64,
     pub(super) before: Written,
 }
 
 impl Checkpoint {
-    /// Writes masks, history and last `project.toml`. A kill or a full disk at any moment leaves files that open to
-    /// the same project.
+    /// Writes the masks, the history and finally `project.toml`.
+    ///
+    /// After a kill or with a full disk, the files still open to the same project.
     ///
     /// # Errors
-    /// When a file cannot be written, or on a stop; the journal still holds everything.
+    ///
+    /// Returns an error if a file cannot be written or the progress is stopped. The journal still
+    /// holds everything.
     pub fn write(mut self, progress: &Progress) -> Result<Written> {
         let (root, project) = (&self.root, self.project.as_ref());
         let masks = mask_files::runs(project)?;

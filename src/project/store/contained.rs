@@ -1,4 +1,7 @@
-//! A project from elsewhere may hold links. Nothing of it is read or written through one that leaves its folder.
+//! Protection against links that lead out of a project's folder.
+//!
+//! A project from elsewhere may contain links. None of its files is read or written through a link
+//! that leaves the folder.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -8,11 +11,14 @@ use anyhow::{Context, Result, bail, ensure};
 
 use super::durable::{OWN_FILES, OWN_FOLDERS};
 
-/// Refuses a project some of whose own files or folders is a link that leads out of its folder or nowhere, or is neither a
-/// file nor a folder (a pipe or device would be waited for). What else lies in the folder is not the project's.
+/// Checks that the project's own files and folders do not lead out of its folder.
+///
+/// Links that lead out of the folder or nowhere are rejected, as are pipes and devices, because
+/// reading from these would block. Other files in the folder do not belong to the project.
 ///
 /// # Errors
-/// Names the file, and says what to do.
+///
+/// Returns an error if a file or folder is rejected. The message names it and says what to do.
 pub fn check(root: &Path) -> Result<()> {
     if !root.exists() {
         return Ok(());
@@ -32,16 +38,16 @@ pub fn check(root: &Path) -> Result<()> {
 }
 
 struct Walk<'a> {
-    /// The folder without links in its path.
+    /// The folder, without links in its path.
     home: &'a Path,
     /// The folder as the user named it.
     root: &'a Path,
-    /// Folders that were looked into: links inside the project may form circles.
+    /// Folders already visited, because links inside the project may form cycles.
     seen: BTreeSet<PathBuf>,
 }
 
 impl Walk<'_> {
-    /// Checks a file or folder whose path down to its parent has no links.
+    /// Checks a file or folder whose parent path has no links.
     fn check(&mut self, path: &Path) -> Result<()> {
         let Ok(found) = fs::symlink_metadata(path) else {
             return Ok(());

@@ -5,22 +5,25 @@ use anyhow::{Context, Result};
 
 use super::durable;
 
-/// A file of a project that cannot be used as it is.
+/// A project file that cannot be used as it is.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Damage {
-    /// The file.
+    /// Path of the file.
     pub path: PathBuf,
-    /// What is wrong with it and what is lost by that; one line without the path.
+    /// Description of the damage and of what is lost; one line without the path.
     pub what: String,
-    /// Its intact part stays in use: a copy is put aside, not the file.
+    /// Whether the intact part stays in use, so that a copy is set aside instead of the file.
     pub is_in_use: bool,
 }
 
 impl Damage {
-    /// Puts the file aside under a name that is free: `NAME.damaged`, `NAME.damaged-2`, … Returns the warning for the user.
+    /// Moves or copies the file to the first free of `NAME.damaged`, `NAME.damaged-2`, …
+    ///
+    /// Returns the warning for the user.
     ///
     /// # Errors
-    /// When it cannot be put aside; it is as before.
+    ///
+    /// Returns an error if the file cannot be moved or copied. It is then unchanged.
     pub fn set_aside(&self) -> Result<String> {
         let aside = free_name(&self.path);
         let put = if self.is_in_use {
@@ -44,7 +47,7 @@ impl Damage {
         ))
     }
 
-    /// The warning where the project is only looked at and the file stays as it is.
+    /// Returns the warning for a project that is open for viewing, where the file is left alone.
     pub fn warning(&self) -> String {
         format!(
             "{}: {}; nothing was changed",
@@ -54,7 +57,7 @@ impl Damage {
     }
 }
 
-/// The first of `NAME.damaged`, `NAME.damaged-2`, … that nothing has.
+/// Returns the first of `NAME.damaged`, `NAME.damaged-2`, … that does not exist.
 fn free_name(path: &Path) -> PathBuf {
     let named = |ending: String| {
         let mut name = path.as_os_str().to_owned();

@@ -1,5 +1,7 @@
-//! Depth maps that stereo made: `maps/NAME.tiff` per frame, what became of each in `views.json`, and what is in the making
-//! below `rounds/`, so that a run that was stopped or killed goes on where it was.
+//! Depth maps that stereo made.
+//!
+//! The folder holds `maps/NAME.tiff` per frame and the outcome of each frame in `views.json`.
+//! Unfinished work lies below `rounds/`, so that a run that was stopped or killed can be resumed.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -16,20 +18,20 @@ use ostra_core::disk;
 use ostra_frames::{DepthMap, DepthSource, Frame, FrameError, MadeDepth};
 use ostra_reconstruct::stereo::{DepthEstimate, DepthStore, Stage, ViewOutcome};
 
-/// A larger account is damaged: one of a million frames takes half of it.
+/// Maximum size of the account. One of a million frames takes half of it; a larger one is damaged.
 const MAX_ACCOUNT_BYTES: u64 = 512 << 20;
 
 const ACCOUNT: &str = "views.json";
 const ROUNDS: &str = "rounds";
 const MAPS: &str = "maps";
 
-/// The finished depth map of a frame, below the project's folder.
+/// Returns the path of a frame's finished depth map, relative to the project's folder.
 #[must_use]
 pub fn depth_map_path(version: u64, frame: &str) -> PathBuf {
     depths_path(version).join(MAPS).join(depth_file(frame))
 }
 
-/// The folder of one version.
+/// The folder of one version of the depth maps.
 #[derive(Debug, Clone)]
 pub struct DepthFolder {
     folder: PathBuf,
@@ -40,16 +42,16 @@ pub struct DepthFolder {
 /// How the depth maps of a folder were made.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct DepthAccount {
-    /// Names cameras, pictures and options: equal keys give equal depths.
+    /// Digest of cameras, images and options; equal keys give equal depths.
     pub key: String,
-    /// Longer side of the depth maps in pixels at most.
+    /// Maximum longer side of the depth maps, in pixels.
     pub max_side: u32,
-    /// What became of each view, by frame number; `None` while they are in the making.
+    /// Outcome of each view, by frame number; `None` while the depths are being computed.
     pub outcomes: Option<BTreeMap<usize, ViewOutcome>>,
 }
 
 impl DepthFolder {
-    /// The folder of a version.
+    /// Returns the folder of a version.
     #[must_use]
     pub fn new(root: &Path, version: u64, frames: &[Frame]) -> Self {
         let names = frames.iter().map(|frame| depth_file(&frame.name)).collect();
@@ -60,7 +62,7 @@ impl DepthFolder {
         }
     }
 
-    /// Reads depths times the scale that the frames have been given since they were made.
+    /// Multiplies depths on reading by the scale that the frames have been given since.
     #[must_use]
     pub fn scaled(self, frames: &[Frame]) -> Self {
         let scale = frames.iter().find_map(|frame| match frame.depth {
@@ -73,10 +75,11 @@ impl DepthFolder {
         }
     }
 
-    /// Writes how they were made.
+    /// Writes the account of how the depth maps were made.
     ///
     /// # Errors
-    /// When the file cannot be written.
+    ///
+    /// Returns an error if the file cannot be written.
     pub fn save_account(&self, account: &DepthAccount) -> Result<()> {
         durable::replace(
             &self.folder.join(ACCOUNT),
@@ -84,10 +87,11 @@ impl DepthFolder {
         )
     }
 
-    /// How they were made.
+    /// Reads the account of how the depth maps were made.
     ///
     /// # Errors
-    /// When the file is gone or damaged.
+    ///
+    /// Returns an error if the file is missing or damaged.
     pub fn load_account(&self) -> Result<DepthAccount> {
         let path = self.folder.join(ACCOUNT);
         let bytes = disk::read_regular_up_to(&path, MAX_ACCOUNT_BYTES)
@@ -96,18 +100,18 @@ impl DepthFolder {
             .with_context(|| format!("{}: is damaged; reconstruct again", path.display()))
     }
 
-    /// Where sparse points lie that were made for these depth maps.
+    /// Returns the folder of the sparse points that were made for these depth maps.
     #[must_use]
     pub fn sparse(&self) -> PathBuf {
         self.folder.join(ROUNDS).join("sparse")
     }
 
-    /// Takes away what was kept to go on with.
+    /// Removes the files that were kept for resuming.
     pub fn finish(&self) {
         let _ = fs::remove_dir_all(self.folder.join(ROUNDS));
     }
 
-    /// Whether a frame's depth is there, ready to be looked at.
+    /// Returns whether the finished depth map of a frame exists.
     #[must_use]
     pub fn is_complete(&self, frame: usize) -> bool {
         self.path(frame, Stage::Complete).is_file()

@@ -5,10 +5,13 @@ use anyhow::{Context, Result};
 
 use ostra_core::disk;
 
-/// Replaces the file's content by `bytes`, or leaves it as it was; makes the folder where it is missing. See [`disk::write`].
+/// Replaces the file's content by `bytes`, and creates its folder if it is missing.
+///
+/// See [`disk::write`].
 ///
 /// # Errors
-/// When the file cannot be written; the old content stands.
+///
+/// Returns an error if the file cannot be written. It then keeps its old content.
 pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     let folder = path
         .parent()
@@ -18,18 +21,20 @@ pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     disk::write(path, bytes).with_context(|| cannot_write(path))
 }
 
-/// Makes a folder and those above it.
+/// Creates a folder and its parents.
 ///
 /// # Errors
-/// When it cannot be made.
+///
+/// Returns an error if it cannot be created.
 pub fn make_folder(folder: &Path) -> Result<()> {
     fs::create_dir_all(folder).with_context(|| cannot_write(folder))
 }
 
-/// Makes renames and removals in a folder durable (where the system can).
+/// Makes renames and removals in a folder durable, on systems that support it.
 ///
 /// # Errors
-/// When the system refuses.
+///
+/// Returns an error if the system call fails.
 pub fn sync_folder(folder: &Path) -> Result<()> {
     #[cfg(unix)]
     File::open(folder)
@@ -40,7 +45,7 @@ pub fn sync_folder(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// One line for a file that cannot be written.
+/// Returns the one-line message for a file that cannot be written.
 pub fn cannot_write(path: &Path) -> String {
     format!(
         "{}: cannot be written; check permissions and free space",
@@ -48,10 +53,10 @@ pub fn cannot_write(path: &Path) -> String {
     )
 }
 
-/// The folders of a project that hold only its own files.
+/// Folders of a project that hold only its own files.
 pub const OWN_FOLDERS: [&str; 5] = ["masks", "depths", "sparse", "versions", "cache"];
 
-/// The files of a project directly in its folder.
+/// Files of a project directly in its folder.
 pub const OWN_FILES: [&str; 8] = [
     "project.toml",
     "journal.jsonl",
@@ -63,7 +68,9 @@ pub const OWN_FILES: [&str; 8] = [
     "mesh.ply",
 ];
 
-/// Removes the temporary files that killed runs left in a project's folder. Its lock must be held: then nobody writes there.
+/// Removes the temporary files that killed runs left in a project's folder.
+///
+/// The project's lock must be held, so that no other process is writing there.
 pub fn remove_leftovers(root: &Path) {
     disk::remove_leftovers(root, false);
     for name in OWN_FILES {
@@ -77,8 +84,10 @@ pub fn remove_leftovers(root: &Path) {
     }
 }
 
-/// Removes what earlier versions of the program left: `NAME.PID.tmp`, `NAME.tmp` and `.NAME.part` in folders that hold nothing else
-/// of such names.
+/// Removes the temporary files that earlier versions of the program left.
+///
+/// These are `NAME.PID.tmp`, `NAME.tmp` and `.NAME.part`, in folders that hold no other files with
+/// such names.
 fn remove_former_leftovers(folder: &Path) {
     let Ok(entries) = fs::read_dir(folder) else {
         return;
@@ -100,7 +109,7 @@ fn remove_former_leftovers(folder: &Path) {
 fn remove_file_or_link(path: &Path) {
     let is_ours = |found: &fs::Metadata| found.is_file() || found.is_symlink();
     if fs::symlink_metadata(path).is_ok_and(|found| is_ours(&found)) {
-        // What cannot be removed harms nobody.
+        // A leftover that cannot be removed does no harm.
         let _ = fs::remove_file(path);
     }
 }

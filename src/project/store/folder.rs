@@ -14,52 +14,54 @@ use crate::{History, Project};
 use ostra_core::disk;
 use ostra_core::job::Progress;
 
-/// Beyond this many bytes of journal a checkpoint is due.
+/// Journal size in bytes above which a checkpoint is due.
 const JOURNAL_BYTES: u64 = 8 << 20;
 
-/// How often a project that another process writes to is read again until both agree on its state.
+/// How often a project that another process writes is read until its files agree.
 const TRIES: usize = 40;
 
-/// A project's folder. Opened for writing it is held against other writers while this lives.
+/// A project's folder. While open for writing, it is locked against other writers.
 #[derive(Debug)]
 pub struct Folder {
     root: PathBuf,
     access: Access,
-    /// Number of the last record made.
+    /// Number of the last record.
     seq: u64,
     written: Written,
-    /// A checkpoint is due when the journal is longer than this.
+    /// Journal size in bytes above which a checkpoint is due.
     due_bytes: u64,
 }
 
-/// What may be done with a folder.
+/// Access to a folder.
 #[derive(Debug)]
 enum Access {
     /// Steps are appended to the journal.
     Write { journal: Journal, _lock: Lock },
-    /// Nothing is written, for this reason.
+    /// Nothing is written, for the given reason.
     View { why: String },
 }
 
-/// A project as it was found in its folder.
+/// A project as loaded from its folder.
 #[derive(Debug)]
 pub struct Loaded {
-    /// The folder, locked.
+    /// The folder, locked if it was opened for writing.
     pub folder: Folder,
-    /// The state after the last whole record.
+    /// State after the last complete record.
     pub project: Project,
-    /// The steps that lead there.
+    /// Steps that lead to this state.
     pub history: History,
-    /// What the user should know, one line each.
+    /// Warnings for the user, one line each.
     pub warnings: Vec<String>,
 }
 
 impl Folder {
-    /// Makes a project's folder at `root` (missing or empty) with `project` in it. If that fails, what was made is
-    /// taken away again.
+    /// Creates a project's folder at `root`, which must be missing or empty.
+    ///
+    /// If that fails, everything that was created is removed again.
     ///
     /// # Errors
-    /// When the folder holds something, or cannot be written.
+    ///
+    /// Returns an error if the folder is not empty, or cannot be written.
     pub fn create(root: &Path, project: &Project) -> Result<Self> {
         Self::check_new(root)?;
         let made = make_folders(root)?;
@@ -70,10 +72,11 @@ impl Folder {
         created
     }
 
-    /// Refuses a place where no new project can be made.
+    /// Checks that a new project can be created at a path.
     ///
     /// # Errors
-    /// When the folder holds something or cannot be read.
+    ///
+    /// Returns an error if the folder is not empty or cannot be read.
     pub fn check_new(root: &Path) -> Result<()> {
         let mut entries = match std::fs::read_dir(root) {
             Ok(entries) => entries,
@@ -98,10 +101,10 @@ impl Folder {
     }
 
     fn create_in(root: &Path, project: &Project) -> Result<Self> {
-        // A folder above that cannot be listed is no reason not to go on.
+        // A parent folder that cannot be listed is not an error.
         let _ = root.parent().map(durable::sync_folder);
         let lock = Lock::take(root)?;
-        // Another process may have made a project here since.
+        // Another process may have created a project here in the meantime.
         Self::check_new(root)?;
         let path = root.join("journal.jsonl");
         let journal = Journal::open(&path, &ReadRecords::default());
@@ -124,12 +127,16 @@ impl Folder {
         })
     }
 
-    /// Opens the project in `root` for writing: the last checkpoint, then the journal. Files that are damaged are put aside,
-    /// and what killed runs left is removed.
+    /// Opens the project in `root` for writing.
+    ///
+    /// Reads the last checkpoint and then the journal. Damaged files are set aside, and leftovers
+    /// of killed runs are removed.
     ///
     /// # Errors
-    /// When there is none, it is of a newer format, open elsewhere, damaged beyond use, not writable ([`super::LockError`]), or
-    /// has a link that leads out of its folder; nothing is changed then.
+    ///
+    /// Returns an error if there is no project, its format is newer, or it is damaged beyond use.
+    /// Also fails if the project is open elsewhere or not writable ([`super::LockError`]), or if a
+    /// link leads out of its folder. The folder is then unchanged.
     pub fn open(root: &Path, progress: &Progress) -> Result<Loaded> {
         contained::check(root)?;
         manifest::check_format(root)?;
@@ -150,11 +157,14 @@ impl Folder {
         ))
     }
 
-    /// Opens the project in `root` for viewing: nothing is written there, not even a lock, so that it may be on read-only
-    /// media, and another process may work in it. `why` says why no step can be made.
+    /// Opens the project in `root` for viewing; `why` says why no step can be made.
+    ///
+    /// Nothing is written there, not even a lock. The project may therefore be on read-only media,
+    /// and another process may write to it.
     ///
     /// # Errors
-    /// As [`Self::open`], but for access.
+    ///
+    /// Returns the errors of [`Self::open`], except those about write access.
     pub fn view(root: &Path, why: &str, progress: &Progress) -> Result<Loaded> {
         contained::check(root)?;
         manifest::check_format(root)?;
@@ -162,7 +172,7 @@ impl Folder {
             let before = fingerprint(root)?;
             let read = load::state(root, progress);
             progress.check()?;
-            // A checkpoint changes both files; what was read while it was written may be of two states.
+            // A checkpoint changes both files, so data read during a checkpoint may mix two states.
             if fingerprint(root)? != before {
                 continue;
             }
@@ -209,13 +219,13 @@ impl Folder {
         }
     }
 
-    /// Where the project lies.
+    /// Returns the path of the folder.
     #[must_use]
     pub fn root(&self) -> &Path {
         &self.root
     }
 
-    /// Why no step can be made; `None` where the project is open for writing.
+    /// Returns why no step can be made, or `None` if the project is open for writing.
     #[must_use]
     pub fn view_reason(&self) -> Option<&str> {
         match &self.access {
@@ -224,10 +234,11 @@ impl Folder {
         }
     }
 
-    /// Refuses work whose results could not be saved.
+    /// Checks that results can be saved.
     ///
     /// # Errors
-    /// When the project is open for viewing.
+    ///
+    /// Returns an error if the project is open for viewing.
     pub fn check_writable(&self) -> Result<()> {
         match &self.access {
             Access::Write { .. } => Ok(()),
@@ -248,10 +259,12 @@ impl Folder {
         }
     }
 
-    /// Puts what happened on the disk.
+    /// Appends an act to the journal on disk.
     ///
     /// # Errors
-    /// When it cannot be written (a full disk); the folder is as before, and the step must not be made.
+    ///
+    /// Returns an error if it cannot be written, for example because the disk is full. The folder
+    /// is then unchanged, and the step must not be made.
     pub fn append(&mut self, act: Act) -> Result<Record> {
         let record = Record {
             seq: self.seq + 1,
@@ -262,27 +275,30 @@ impl Folder {
         Ok(record)
     }
 
-    /// Whether the journal has grown so long that a checkpoint should be written.
+    /// Returns whether the journal has grown so long that a checkpoint should be written.
     #[must_use]
     pub fn is_due(&self) -> bool {
         matches!(&self.access, Access::Write { journal, .. } if journal.length() > self.due_bytes)
     }
 
-    /// Whether anything happened since the last checkpoint.
+    /// Returns whether anything happened since the last checkpoint.
     #[must_use]
     pub fn is_unwritten(&self) -> bool {
         self.seq > self.written.seq
     }
 
-    /// Gathers what a checkpoint of this state writes; the work itself is [`Checkpoint::write`], on any thread.
+    /// Collects what a checkpoint of this state writes.
+    ///
+    /// [`Checkpoint::write`] then does the work, on any thread.
     ///
     /// # Errors
-    /// When the journal cannot be read.
+    ///
+    /// Returns an error if the journal cannot be read.
     pub fn checkpoint(&mut self, project: &Arc<Project>, history: &History) -> Result<Checkpoint> {
         let (history_seq, seq) = (self.written.history_seq, self.seq);
         let journal = self.journal()?;
         let (length, lines) = (journal.length(), journal.lines_between(history_seq, seq)?);
-        // Should this one fail, the next is not tried at once.
+        // If this checkpoint fails, the next one is not tried immediately.
         self.due_bytes = length + JOURNAL_BYTES;
         Ok(Checkpoint {
             root: self.root.clone(),
@@ -297,7 +313,9 @@ impl Folder {
     /// Notes that a checkpoint was written and shortens the journal.
     ///
     /// # Errors
-    /// When the journal cannot be rewritten; it stands as before and is only longer than it must be.
+    ///
+    /// Returns an error if the journal cannot be rewritten. It is then unchanged, only longer than
+    /// necessary.
     pub fn written(&mut self, written: Written) -> Result<()> {
         if written.seq < self.written.seq {
             return Ok(()); // a later one was written meanwhile
@@ -310,7 +328,7 @@ impl Folder {
     }
 }
 
-/// A digest of the files that say together which state a project is in.
+/// Returns a digest of the files that together determine the state of a project.
 fn fingerprint(root: &Path) -> Result<Vec<u8>> {
     let mut digest = Sha256::new();
     for name in ["project.toml", "journal.jsonl"] {
@@ -336,7 +354,9 @@ fn fingerprint(root: &Path) -> Result<Vec<u8>> {
     Ok(digest.finalize().to_vec())
 }
 
-/// Makes a folder and those above it; returns those that were made here, the innermost first.
+/// Creates a folder and its parents.
+///
+/// Returns the folders that were created, the innermost first.
 fn make_folders(root: &Path) -> Result<Vec<PathBuf>> {
     let is_missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
     let missing: Vec<&Path> = root.ancestors().take_while(is_missing).collect();
@@ -355,14 +375,14 @@ fn make_folders(root: &Path) -> Result<Vec<PathBuf>> {
     Ok(made)
 }
 
-/// Removes folders that are still empty, in this order.
+/// Removes those of the folders that are still empty, in this order.
 fn remove_empty(folders: &[PathBuf]) {
     for folder in folders {
         let _ = std::fs::remove_dir(folder);
     }
 }
 
-/// Whether a file is what a killed run left before it had made a project: nothing that anybody needs.
+/// Returns whether a file is left over from a run that was killed while creating a project.
 fn is_remains(entry: &std::fs::DirEntry) -> bool {
     let name = entry.file_name();
     let is_empty = entry

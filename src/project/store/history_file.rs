@@ -9,26 +9,28 @@ use super::{Act, Record, durable};
 use crate::{History, Step};
 use ostra_core::disk;
 
-/// What `history.jsonl` holds.
+/// Content of `history.jsonl`.
 #[derive(Debug, Default)]
 pub struct Past {
     pub history: History,
     /// Number of the last record in it.
     pub seq: u64,
-    /// Bytes of whole lines.
+    /// Bytes of complete lines.
     pub length: u64,
-    /// What is wrong with the file, where it is there and cannot be used.
+    /// Damage of the file, if it exists and cannot be used.
     pub damage: Option<Damage>,
-    /// What the user should know where nothing of it is left on the disk.
+    /// Warning for the user if the file is missing.
     pub warning: Option<String>,
 }
 
-/// Reads the history that belongs to a checkpoint and the journal's records. It is a convenience, never a reason not
-/// to open a project: where it is damaged or leaves a gap before the journal, it starts again from there. Steps that the
-/// project does not have because the journal is damaged are left out.
+/// Reads the history that belongs to a checkpoint and the journal's records.
+///
+/// The history is optional and never prevents a project from being opened. If it is damaged or has
+/// a gap before the journal, it starts again from there. Steps that the project lacks because the
+/// journal is damaged are left out.
 pub fn read(root: &Path, checkpoint: u64, journal: &[Record]) -> Past {
     let path = root.join("history.jsonl");
-    // What the journal still has of the steps before the checkpoint is not the whole of them.
+    // The journal may hold only part of the steps before the checkpoint.
     let none = Past {
         seq: checkpoint,
         ..Past::default()
@@ -96,10 +98,13 @@ pub fn read(root: &Path, checkpoint: u64, journal: &[Record]) -> Past {
     past
 }
 
-/// Appends whole lines after the first `length` bytes of `history.jsonl` and waits until they are on the disk.
+/// Appends lines after the first `length` bytes of `history.jsonl` and syncs the file.
+///
+/// Returns the new length.
 ///
 /// # Errors
-/// When the file cannot be written; its first `length` bytes stand.
+///
+/// Returns an error if the file cannot be written. Its first `length` bytes stay unchanged.
 pub fn append(root: &Path, length: u64, lines: &[u8]) -> Result<u64> {
     let path = root.join("history.jsonl");
     let write = || -> std::io::Result<()> {
@@ -113,14 +118,18 @@ pub fn append(root: &Path, length: u64, lines: &[u8]) -> Result<u64> {
     Ok(length + lines.len() as u64)
 }
 
-/// Writes the file again with the steps of `history`, the last of whose records is `seq`; returns its length.
+/// Rewrites the file with the steps of `history`, whose last record is `seq`.
+///
+/// Returns the length of the file.
 ///
 /// # Errors
-/// When it cannot be written; the old file stands.
+///
+/// Returns an error if it cannot be written. The old file is then kept.
 pub fn rewrite(root: &Path, history: &History, seq: u64) -> Result<u64> {
     let (steps, undone) = history.steps();
     let steps: Vec<_> = steps.collect();
-    // Steps keep their order and come before the undos; the numbers only have to rise and end with `seq`.
+    // Steps keep their order and precede the undos. The numbers only have to increase and end with
+    // `seq`.
     let first = (seq + 1).saturating_sub((steps.len() + undone) as u64);
     let made = steps.iter().map(|step| {
         let Step { title, changes } = step.as_ref();

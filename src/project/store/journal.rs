@@ -9,46 +9,49 @@ use super::durable;
 use crate::{Change, Edit, History, Project, Step};
 use ostra_core::disk;
 
-/// One line of the journal and of the history.
+/// One line of the journal or the history.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Record {
-    /// Counts the project's records from 1 through its whole life.
+    /// Number of the record, counted from 1 over the whole life of the project.
     pub seq: u64,
     /// What happened.
     pub act: Act,
 }
 
-/// What a record says. Every act holds its edits, so that the project's state needs no history.
+/// The content of a record.
+///
+/// Every act holds its edits, so that the project's state can be restored without the history.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Act {
     /// A step was made.
     Step {
-        /// For people.
+        /// Title to display.
         title: String,
         /// The changes with their inverses.
         changes: Vec<Change>,
-        /// These changes belong to the step before (a tracking run arrives in pieces).
+        /// Whether the changes belong to the step before; a tracking run arrives in parts.
         #[serde(default)]
         continues: bool,
     },
-    /// The last step was taken back by these edits.
+    /// The last step was undone by these edits.
     Undo {
         /// Inverses, last change first.
         edits: Vec<Edit>,
     },
-    /// The step taken back last was done again by these edits.
+    /// The last undone step was redone by these edits.
     Redo {
-        /// In order.
+        /// Edits in order.
         edits: Vec<Edit>,
     },
 }
 
 impl Record {
-    /// Does to the project what the record says.
+    /// Applies the record to the project.
     ///
     /// # Errors
-    /// When an edit is refused: the record belongs to another state.
+    ///
+    /// Returns an error if an edit is rejected because the record belongs to another state.
     pub fn replay(&self, project: &mut Project) -> Result<()> {
         let again: Vec<Edit> = match &self.act {
             Act::Step { changes, .. } => changes.iter().map(|change| change.edit.clone()).collect(),
@@ -60,7 +63,7 @@ impl Record {
         Ok(())
     }
 
-    /// Does to the history what the record says.
+    /// Applies the record to the history.
     pub fn fold(self, history: &mut History) {
         match self.act {
             Act::Step {
@@ -78,10 +81,11 @@ impl Record {
         }
     }
 
-    /// The record as one line of JSON with its line break.
+    /// Returns the record as one line of JSON with its line break.
     ///
     /// # Errors
-    /// When a value has no JSON form.
+    ///
+    /// Returns an error if a value cannot be represented in JSON.
     pub fn line(&self) -> Result<Vec<u8>> {
         let mut line = serde_json::to_vec(self)?;
         line.push(b'\n');
@@ -89,46 +93,48 @@ impl Record {
     }
 }
 
-/// A larger journal or history is refused.
+/// Maximum size of a journal or history that is read.
 const MAX_BYTES: u64 = 4 << 30;
 
-/// A file of [`Record`]s, one a line, that only grows; each line is on the disk before [`Journal::append`] returns.
+/// An append-only file of [`Record`]s, one per line.
+///
+/// Each line is on disk before [`Journal::append`] returns.
 #[derive(Debug)]
 pub struct Journal {
     path: PathBuf,
     file: File,
-    /// Length of the whole lines.
+    /// Length of the complete lines, in bytes.
     length: u64,
-    /// Number and end of each line.
+    /// Record number and end of each line.
     ends: Vec<(u64, u64)>,
-    /// A failed line could not be taken away again.
+    /// Whether a failed line could not be removed again.
     broken: bool,
 }
 
-/// The records of a file and how many of its bytes are whole lines.
+/// The records of a file and the extent of its complete lines.
 #[derive(Debug, Default)]
 pub struct ReadRecords {
-    /// In the file's order.
+    /// Records in the order of the file.
     pub records: Vec<Record>,
-    /// Where each record's line ends, in bytes.
+    /// End of each record's line, in bytes.
     pub ends: Vec<u64>,
-    /// Why the lines after these records are not used, where there are any.
+    /// Lines after these records that are not used, if any.
     pub rest: Option<Rest>,
-    /// Whether the last line was not written to its end: a kill or a full disk.
+    /// Whether the last line is incomplete because of a kill or a full disk.
     pub is_torn: bool,
 }
 
-/// Complete lines of a file of records that are not used.
+/// Complete lines of a record file that are not used.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Rest {
-    /// What is wrong, with the number of the line.
+    /// Description of the problem, with the line number.
     pub why: String,
-    /// How many complete lines follow the one that is wrong.
+    /// Number of complete lines after the bad one.
     pub after: usize,
 }
 
 impl ReadRecords {
-    /// Leaves out the records from this one on.
+    /// Drops the records from index `first` on.
     pub fn cut(&mut self, first: usize, why: String) {
         let after =
             (self.records.len() - first - 1) + self.rest.take().map_or(0, |rest| rest.after + 1);
@@ -137,17 +143,20 @@ impl ReadRecords {
         self.rest = Some(Rest { why, after });
     }
 
-    /// Bytes of the lines of the records.
+    /// Returns the length of the records' lines, in bytes.
     fn length(&self) -> u64 {
         self.ends.last().copied().unwrap_or(0)
     }
 }
 
-/// Reads a file of records; a missing file has none. A torn last line is left out, and so is all from the first complete
-/// line on that is no record.
+/// Reads a file of records; a missing file has none.
+///
+/// An incomplete last line is left out. So is everything from the first complete line that is not a
+/// record.
 ///
 /// # Errors
-/// When the file cannot be read.
+///
+/// Returns an error if the file cannot be read.
 pub fn read_records(path: &Path) -> Result<ReadRecords> {
     let bytes = match disk::read_regular_up_to(path, MAX_BYTES) {
         Ok(bytes) => bytes,
@@ -195,8 +204,10 @@ pub fn read_records(path: &Path) -> Result<ReadRecords> {
     Ok(read)
 }
 
-/// Whether bytes can be a record that was not written to its end: a kill or a full disk leaves its start, a power failure
-/// may leave zeros in place of all that follows.
+/// Returns whether bytes can be an incomplete record.
+///
+/// A kill or a full disk leaves the start of a record. A power failure may leave zeros in place of
+/// the rest.
 fn is_begun_record(line: &[u8]) -> bool {
     let zeros = line.iter().rev().take_while(|&&byte| byte == 0).count();
     let line = &line[..line.len() - zeros];
@@ -206,11 +217,13 @@ fn is_begun_record(line: &[u8]) -> bool {
 }
 
 impl Journal {
-    /// Opens the file at `path` for appending after the whole lines that were read from it; what follows them is
-    /// cut off.
+    /// Opens the file at `path` for appending after the complete lines that were read from it.
+    ///
+    /// Anything after these lines is cut off.
     ///
     /// # Errors
-    /// When the file cannot be written.
+    ///
+    /// Returns an error if the file cannot be written.
     pub fn open(path: &Path, read: &ReadRecords) -> Result<Self> {
         let length = read.length();
         let open = || -> std::io::Result<File> {
@@ -238,15 +251,17 @@ impl Journal {
         })
     }
 
-    /// Bytes in the file.
+    /// Returns the length of the file, in bytes.
     pub fn length(&self) -> u64 {
         self.length
     }
 
-    /// Writes a record and waits until it is on the disk.
+    /// Writes a record and syncs the file.
     ///
     /// # Errors
-    /// When it cannot be written (a full disk); the file is as before.
+    ///
+    /// Returns an error if it cannot be written, for example because the disk is full. The file is
+    /// then unchanged.
     pub fn append(&mut self, record: &Record) -> Result<()> {
         if self.broken {
             bail!(
@@ -281,10 +296,11 @@ impl Journal {
         self.broken = cut.and_then(|_| self.file.sync_data()).is_err();
     }
 
-    /// The records up to `seq` as they stand in the file, without those up to `after`.
+    /// Returns the lines of the records after `after` and up to `seq`.
     ///
     /// # Errors
-    /// When the file cannot be read.
+    ///
+    /// Returns an error if the file cannot be read.
     pub fn lines_between(&self, after: u64, seq: u64) -> Result<Vec<u8>> {
         let bytes = disk::read_regular(&self.path)
             .with_context(|| format!("{}: cannot be read", self.path.display()))?;
@@ -298,10 +314,11 @@ impl Journal {
         lines.map(<[u8]>::to_vec).with_context(changed)
     }
 
-    /// Takes away the records up to `seq`, which `project.toml` and the history have by now.
+    /// Removes the records up to `seq`, which `project.toml` and the history already contain.
     ///
     /// # Errors
-    /// When the file cannot be written; it is as before.
+    ///
+    /// Returns an error if the file cannot be written. It is then unchanged.
     pub fn forget(&mut self, seq: u64) -> Result<()> {
         let cut = self.end_of(seq);
         if cut == 0 {
@@ -309,7 +326,7 @@ impl Journal {
         }
         let rest = self.lines_between(seq, u64::MAX)?;
         durable::replace(&self.path, &rest)?;
-        // From here on the open file is no longer the one of this name: nothing may be appended to it.
+        // The open file no longer has this name, so nothing may be appended to it.
         self.broken = true;
         let reopen = || -> std::io::Result<File> {
             let mut file = disk::open_in_place(&self.path)?;
@@ -324,7 +341,7 @@ impl Journal {
         Ok(())
     }
 
-    /// Where the lines of records up to `seq` end.
+    /// Returns the end of the lines of records up to `seq`, in bytes.
     fn end_of(&self, seq: u64) -> u64 {
         self.ends
             .iter()

@@ -12,35 +12,39 @@ use super::{Act, Record, places};
 use crate::{Edit, History, Project};
 use ostra_core::job::Progress;
 
-/// What a project's files hold. Reading them changes nothing.
+/// The content of a project's files. Reading them changes nothing.
 pub struct State {
     pub project: Project,
-    /// The steps that lead there.
+    /// Steps that lead to this state.
     pub history: History,
-    /// Number of the last record that `project.toml` has.
+    /// Number of the last record in `project.toml`.
     pub checkpoint: u64,
-    /// Number of the last record of all.
+    /// Number of the last record overall.
     pub seq: u64,
-    /// The journal's records that are in the project.
+    /// Records of the journal that are applied to the project.
     pub journal: ReadRecords,
-    /// What is known of the mask files.
+    /// Known content of the mask files.
     pub masks: Runs,
-    /// Number of the last record in `history.jsonl`, and the bytes of its lines up to there.
+    /// Number of the last record in `history.jsonl`, and the end of its line in bytes.
     pub history_end: (u64, u64),
     /// Files that cannot be used as they are.
     pub damages: Vec<Damage>,
-    /// What else the user should know.
+    /// Other warnings for the user.
     pub warnings: Vec<String>,
 }
 
-/// Reads the checkpoint and the journal's later records. Steps from the first record on that is damaged or does not follow
-/// are left out.
+/// Reads the checkpoint and the later records of the journal.
 ///
-/// A kill during a checkpoint may leave mask files that are ahead of `project.toml`; every mask that is ahead was set
-/// by a record that the journal still holds, so the files of the frames that it sets are not read.
+/// Steps from the first record that is damaged or does not follow are left out.
+///
+/// A kill during a checkpoint may leave mask files that are newer than `project.toml`. Each such
+/// mask was set by a record that the journal still holds. The mask files of frames that the journal
+/// sets are therefore not read.
 ///
 /// # Errors
-/// When `project.toml` or the journal cannot be read, do not belong together, or on a stop.
+///
+/// Returns an error if `project.toml` or the journal cannot be read, they do not belong together,
+/// or the progress is stopped.
 pub fn state(root: &Path, progress: &Progress) -> Result<State> {
     let manifest = manifest::read(root)?;
     let (checkpoint, former) = (manifest.step, manifest.folder.clone());
@@ -102,7 +106,7 @@ pub fn state(root: &Path, progress: &Progress) -> Result<State> {
     })
 }
 
-/// The project of `project.toml`, without masks.
+/// Returns the project of `project.toml`, without masks.
 fn base(root: &Path, manifest: Manifest) -> Result<Project> {
     let damaged = || {
         format!(
@@ -113,7 +117,7 @@ fn base(root: &Path, manifest: Manifest) -> Result<Project> {
     manifest.into_project(root).with_context(damaged)
 }
 
-/// The records that `project.toml` does not have.
+/// Returns the records that `project.toml` does not contain.
 fn later(journal: &ReadRecords, checkpoint: u64) -> &[Record] {
     let first = journal
         .records
@@ -123,8 +127,10 @@ fn later(journal: &ReadRecords, checkpoint: u64) -> &[Record] {
     &journal.records[first..]
 }
 
-/// Leaves out what comes after a step that is missing. Where it is the first step after those of `project.toml`, one of the
-/// two files comes from another time.
+/// Drops the records after a missing step.
+///
+/// If the first step after those of `project.toml` is missing, the two files are from different
+/// times.
 fn cut_at_gap(journal: &mut ReadRecords, checkpoint: u64) {
     let after = later(journal, checkpoint);
     let numbers = after.iter().map(|record| record.seq);
@@ -164,7 +170,7 @@ fn with_masks(
     Ok((project, read, known))
 }
 
-/// The project after the records, or which of them does not fit.
+/// Returns the project after the records, or the index of the record that does not fit.
 fn replayed(base: &Project, records: &[Record]) -> Result<Project, (usize, anyhow::Error)> {
     let mut project = base.clone();
     for (place, record) in records.iter().enumerate() {

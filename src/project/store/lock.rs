@@ -5,10 +5,14 @@ use std::time::{Duration, Instant};
 
 use ostra_core::disk::{self, AtomicFile};
 
-/// A program that is killed while it starts another (ffmpeg) leaves it the lock for an instant: so long is waited.
+/// How long to wait for the lock.
+///
+/// A program that is killed while it starts another one (ffmpeg) passes it the lock for a moment.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// Keeps a second writer out of a project's folder until it is dropped (or the process ends).
+/// Lock against a second writer in a project's folder.
+///
+/// It is held until it is dropped or the process ends.
 #[derive(Debug)]
 pub struct Lock {
     file: File,
@@ -17,23 +21,23 @@ pub struct Lock {
 /// Why a project cannot be opened for writing.
 #[derive(Debug, thiserror::Error)]
 pub enum LockError {
-    /// The folder is on read-only media, or belongs to somebody else.
+    /// The folder is on read-only media, or belongs to another user.
     #[error("{}: cannot be written ({why}); a project needs a folder with write access", root.display())]
     NotWritable {
         /// The project's folder.
         root: PathBuf,
-        /// What the system says.
+        /// Error of the system.
         why: Error,
     },
-    /// Another process writes there.
+    /// Another process has the folder open for writing.
     #[error("{}: is open in another window or command; close it there first", .0.display())]
     Held(PathBuf),
-    /// The disk has no locks.
+    /// The file system does not support locks.
     #[error("{}: cannot be locked ({why}); move it to a local disk", root.display())]
     NotLockable {
         /// The project's folder.
         root: PathBuf,
-        /// What the system says.
+        /// Error of the system.
         why: Error,
     },
 }
@@ -42,10 +46,13 @@ impl Lock {
     /// Takes the lock of the folder `root`.
     ///
     /// # Errors
-    /// When another holds it (for a second at least), or the folder cannot be written.
+    ///
+    /// Returns an error if another process holds it for at least a second, or the folder cannot be
+    /// written.
     pub fn take(root: &Path) -> Result<Self, LockError> {
         let path = root.join(".lock");
-        // The lock may be writable in a folder that is not: files could be changed there, but none replaced.
+        // The lock file may be writable in a folder that is not. Files could then be changed, but
+        // not replaced.
         let opened = AtomicFile::create(&path).and_then(|_probe| disk::open_in_place(&path));
         let file = opened.map_err(|why| LockError::NotWritable {
             root: root.to_owned(),
@@ -53,7 +60,7 @@ impl Lock {
         })?;
         match try_patiently(&file) {
             Ok(()) if disk::is_still_at(&file, &path) => Ok(Self { file }),
-            // Who held it has removed it, after a project could not be made.
+            // The holder removed the lock file because it failed to create a project.
             Ok(()) => Err(LockError::Held(root.to_owned())),
             Err(TryLockError::WouldBlock) => Err(LockError::Held(root.to_owned())),
             Err(TryLockError::Error(why)) => Err(LockError::NotLockable {
@@ -81,9 +88,11 @@ fn try_patiently(file: &File) -> Result<(), TryLockError> {
 }
 
 impl Drop for Lock {
-    /// Closing the file is not enough: a process that is being started at this moment holds it for an instant longer.
+    /// Unlocks the file explicitly.
+    ///
+    /// Closing it is not enough: a process that is being started holds it for a moment longer.
     fn drop(&mut self) {
-        // A lock that cannot be given back ends with the process.
+        // If unlocking fails, the lock ends with the process.
         let _ = self.file.unlock();
     }
 }
@@ -93,7 +102,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lock_keeps_a_second_writer_out_and_is_given_back_even_while_another_process_inherits_it() {
+    fn lock_excludes_a_second_writer_and_is_released_even_if_another_process_inherits_it() {
         let dir = tempfile::tempdir().unwrap();
         let lock = Lock::take(dir.path()).unwrap();
         assert!(

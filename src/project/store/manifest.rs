@@ -11,18 +11,20 @@ use ostra_core::disk::read_text_up_to;
 use ostra_frames::Frame;
 use ostra_masks::{Label, LabelId, LabelTree, Prompt};
 
-/// The version of the files in a project's folder that this program writes.
+/// Version of the file format in a project's folder.
 pub const FORMAT: u32 = 1;
-/// A larger `project.toml` is refused: 100,000 frames with cameras take a fifth of it.
+/// Maximum size of `project.toml`; 100,000 frames with cameras take a fifth of it.
 const MAX_BYTES: u64 = 512 << 20;
 
-/// `project.toml`: all of a [`Project`] but its masks.
+/// Content of `project.toml`: a [`Project`] without its masks.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Manifest {
     format: u32,
-    /// Number of the last record of the journal that is in here.
+    /// Number of the last record of the journal that is included.
     pub step: u64,
-    /// Where the project was when this was written. Paths of sources that share a folder with it are relative to it.
+    /// Folder of the project when the file was written.
+    ///
+    /// Paths of sources that share a folder with the project are relative to it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub folder: Option<PathBuf>,
     #[serde(default, skip_serializing_if = "is_zero")]
@@ -57,10 +59,14 @@ struct Marked {
     marks: Marks,
 }
 
-/// Refuses a folder that holds no project, or one of a newer program. Touches nothing.
+/// Checks that a folder holds a project whose format this program can read.
+///
+/// Nothing is changed.
 ///
 /// # Errors
-/// As said.
+///
+/// Returns an error if the folder holds no project, the project is of a newer program, or
+/// `project.toml` is damaged.
 pub fn check_format(root: &Path) -> Result<()> {
     #[derive(Deserialize)]
     struct Format {
@@ -91,7 +97,8 @@ pub fn check_format(root: &Path) -> Result<()> {
 /// Reads `project.toml`.
 ///
 /// # Errors
-/// When it cannot be read or is damaged.
+///
+/// Returns an error if it cannot be read or is damaged.
 pub fn read(root: &Path) -> Result<Manifest> {
     let path = root.join("project.toml");
     let text = text_of(&path)?;
@@ -112,7 +119,8 @@ fn text_of(path: &Path) -> Result<String> {
 /// Writes `project.toml` with the project's state after the record `step`.
 ///
 /// # Errors
-/// When it cannot be written; the old file stands.
+///
+/// Returns an error if it cannot be written. The old file is then kept.
 pub fn write(root: &Path, project: &Project, step: u64) -> Result<()> {
     let prompts = project.prompts.iter();
     let folder = std::path::absolute(root)
@@ -154,10 +162,15 @@ pub fn write(root: &Path, project: &Project, step: u64) -> Result<()> {
 }
 
 impl Manifest {
-    /// The project without its masks. Paths are those from where it was written; `root` is where it is now.
+    /// Returns the project without its masks.
+    ///
+    /// Relative paths are resolved against the folder where the file was written. If that is
+    /// unknown, they are resolved against `root`, the current folder.
     ///
     /// # Errors
-    /// When an invariant does not hold: the file was changed by hand or damaged.
+    ///
+    /// Returns an error if an invariant does not hold, because the file was edited by hand or
+    /// damaged.
     pub fn into_project(mut self, root: &Path) -> Result<Project> {
         ensure!(
             self.origin.is_finite(),
@@ -199,7 +212,7 @@ impl Manifest {
     }
 }
 
-/// Puts labels in whatever order their parents allow.
+/// Builds the label tree, adding each label after its parent.
 fn tree(mut labels: Vec<Label>) -> Result<LabelTree> {
     let mut tree = LabelTree::default();
     while !labels.is_empty() {

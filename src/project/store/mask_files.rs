@@ -15,13 +15,15 @@ use ostra_frames::Frame;
 use ostra_masks::{LabelId, RunMask};
 use ostra_masks::{MaskFrame, encode_palette_png, file_stems, read_palette_png_of};
 
-/// A larger list of origins is damaged: one of a million masks takes half of it.
+/// Maximum size of the list of origins; a larger one is damaged.
+///
+/// A list of one million masks takes half of it.
 const MAX_ORIGINS_BYTES: u64 = 256 << 20;
 
-/// Where masks come from, below the project's folder.
+/// File with the origins of the masks, relative to the project's folder.
 const ORIGINS: &str = "masks/origins.json";
 
-/// What `masks/origins.json` says of one frame's mask, by the frame's name.
+/// Entry of a frame's mask in `masks/origins.json`, stored under the frame's name.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Origin {
     origin: MaskOrigin,
@@ -31,10 +33,13 @@ struct Origin {
     confidence: BTreeMap<LabelId, f32>,
 }
 
-/// Where each frame's mask lies below the project's folder: `masks/`, the frame's name without its ending, `.png`.
+/// Returns the path of each frame's mask, relative to the project's folder.
+///
+/// It is `masks/`, the frame's name without its extension, and `.png`.
 ///
 /// # Errors
-/// When a frame's name leads out of the folder.
+///
+/// Returns an error if a frame's name leads out of the folder.
 pub fn paths(frames: &[Frame]) -> Result<Vec<PathBuf>> {
     let frames: Vec<MaskFrame<'_>> = frames.iter().map(MaskFrame::from).collect();
     let stems = file_stems(&frames)?;
@@ -44,10 +49,11 @@ pub fn paths(frames: &[Frame]) -> Result<Vec<PathBuf>> {
         .collect())
 }
 
-/// Writes the masks that differ from those written before, each by temporary name and rename.
+/// Writes the masks that differ from those written before, each atomically.
 ///
 /// # Errors
-/// When one cannot be written, or on a stop.
+///
+/// Returns an error if a mask cannot be written, or the progress is stopped.
 pub fn write(root: &Path, project: &Project, before: &Runs, progress: &Progress) -> Result<()> {
     let unwritten = |(path, runs): &(PathBuf, Arc<RunMask>)| {
         before
@@ -62,13 +68,14 @@ pub fn write(root: &Path, project: &Project, before: &Runs, progress: &Progress)
     })
 }
 
-/// Masks by their path below the project's folder.
+/// Masks by their path relative to the project's folder.
 pub type Runs = BTreeMap<PathBuf, Arc<RunMask>>;
 
-/// The masks of a project.
+/// Returns the masks of a project by path.
 ///
 /// # Errors
-/// As [`paths`].
+///
+/// Returns the errors of [`paths`].
 pub fn runs(project: &Project) -> Result<Runs> {
     let paths = paths(&project.frames)?;
     Ok(project
@@ -78,11 +85,14 @@ pub fn runs(project: &Project) -> Result<Runs> {
         .collect())
 }
 
-/// What is known of the mask files when those of the frames `unread` were not read: these are taken for a mask
-/// without pixels, which differs from every mask that may be written there.
+/// Returns the known content of the mask files if those of the frames `unread` were not read.
+///
+/// The unread files are represented by a mask without pixels, which differs from every mask that
+/// may be written there.
 ///
 /// # Errors
-/// As [`paths`].
+///
+/// Returns the errors of [`paths`].
 pub fn known(project: &Project, unread: &BTreeSet<usize>) -> Result<Runs> {
     let nothing = Arc::new(RunMask::empty(0, 0));
     let paths = paths(&project.frames)?;
@@ -92,10 +102,11 @@ pub fn known(project: &Project, unread: &BTreeSet<usize>) -> Result<Runs> {
     Ok(runs(project)?.into_iter().chain(unread).collect())
 }
 
-/// Writes `masks/origins.json`: where each mask comes from, whether it is stale, how sure the tracker was.
+/// Writes `masks/origins.json`: origin, stale flag and tracker confidence of each mask.
 ///
 /// # Errors
-/// When it cannot be written.
+///
+/// Returns an error if it cannot be written.
 pub fn write_origins(root: &Path, project: &Project) -> Result<()> {
     let path = root.join(ORIGINS);
     if project.masks.is_empty() && !path.exists() {
@@ -116,14 +127,14 @@ pub fn write_origins(root: &Path, project: &Project) -> Result<()> {
     durable::replace(&path, &serde_json::to_vec_pretty(&origins)?)
 }
 
-/// Takes away the files of masks that were written before and are no more.
+/// Removes the files of masks that were written before and no longer exist.
 pub fn remove_gone(root: &Path, now: &Runs, before: &Runs) {
     for path in before.keys().filter(|path| !now.contains_key(*path)) {
         let _ = std::fs::remove_file(root.join(path));
     }
 }
 
-/// What [`read`] found.
+/// Result of [`read`].
 #[derive(Debug, Default)]
 pub struct ReadMasks {
     pub masks: BTreeMap<usize, FrameMask>,
@@ -131,12 +142,15 @@ pub struct ReadMasks {
     pub damages: Vec<Damage>,
 }
 
-/// Reads the masks of the frames for which `wanted` holds. Each of them fits the project. A mask that is gone or damaged
-/// is left out. Where `origins.json` cannot be read, or not what it says of a frame, the masks that are there count as
-/// anchors, which no tracker overwrites.
+/// Reads the masks of the frames for which `wanted` returns true.
+///
+/// Every returned mask fits the project. Missing or damaged masks are left out. If `origins.json`
+/// or an entry in it cannot be read, the affected masks count as keyframes, which no tracker
+/// overwrites.
 ///
 /// # Errors
-/// When a frame's name leads out of the folder, or on a stop.
+///
+/// Returns an error if a frame's name leads out of the folder, or the progress is stopped.
 pub fn read(
     root: &Path,
     project: &Project,
@@ -191,21 +205,21 @@ pub fn read(
     Ok(found)
 }
 
-/// What `origins.json` says.
+/// Content of `origins.json`.
 enum Origins {
-    /// By frame name; `None` where that entry is damaged.
+    /// Entries by frame name; `None` for a damaged entry.
     Read(BTreeMap<String, Option<Origin>>),
     Missing,
-    /// Why it cannot be used.
+    /// Why the file cannot be used.
     Damaged(String),
 }
 
-/// What is known of one frame's mask.
+/// What is known about one frame's mask.
 enum Known {
     As(Origin),
-    /// It has none.
+    /// The frame has no mask.
     Nothing,
-    /// It has one if its file is there.
+    /// The frame has a mask if its file exists.
     Damaged,
 }
 
@@ -241,7 +255,7 @@ impl Origins {
         }
     }
 
-    /// Adds what the user should know of the file itself.
+    /// Adds warnings and damage about the file itself.
     fn report(self, root: &Path, masks: usize, found: &mut ReadMasks) {
         let path = root.join(ORIGINS);
         let anchors = |count: usize| {
@@ -285,7 +299,7 @@ impl Origin {
         }
     }
 
-    /// Whether a mask can have it.
+    /// Returns whether a mask can have this origin.
     fn is_sound(&self) -> bool {
         let shares = self
             .confidence
@@ -298,7 +312,7 @@ impl Origin {
 enum ReadMask {
     Whole(FrameMask),
     Gone,
-    /// Why it cannot be used.
+    /// Why the mask cannot be used.
     Damaged(String),
 }
 
@@ -330,7 +344,7 @@ fn read_one(path: &Path, (project, frame): (&Project, usize), origin: Origin) ->
     }
 }
 
-/// An error's text without the file's path in front.
+/// Returns an error's text without the leading file path.
 fn without_path(error: &dyn std::fmt::Display, path: &Path) -> String {
     let text = error.to_string().replace('\n', " ");
     let shown = format!("{}: ", path.display());

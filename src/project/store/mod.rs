@@ -1,8 +1,9 @@
-//! A project in its folder: `project.toml`, the journal of steps since it was written, the history of steps, masks.
+//! A project in its folder: `project.toml`, the masks, the journal of later steps, and the history.
 //!
-//! The truth is `project.toml` (with `masks/`), which holds the state after a numbered step, and the journal, which
-//! holds every later step. Steps are numbered through the project's whole life, so that a kill between any two writes
-//! of a checkpoint leaves files that still agree: what `project.toml` already has is passed over in the journal.
+//! The state consists of two parts: `project.toml` (with `masks/`) holds the state after a numbered
+//! step, and the journal holds every later step. Steps are numbered over the whole life of the
+//! project. A kill between any two writes of a checkpoint therefore leaves files that still agree:
+//! steps that `project.toml` already contains are skipped in the journal.
 
 mod checkpoint;
 mod contained;

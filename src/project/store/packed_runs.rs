@@ -1,5 +1,6 @@
-//! Runs of a mask as one short string, `WIDTHxHEIGHT ID*LENGTH ID*LENGTH …`: the journal's form, which a person can
-//! read.
+//! Human-readable string for the runs of a mask: `WIDTHxHEIGHT ID*LENGTH ID*LENGTH …`.
+//!
+//! The journal uses this form.
 
 use std::fmt::Write;
 use std::sync::Arc;
@@ -8,7 +9,7 @@ use serde::{Deserialize, Deserializer, Serializer, de::Error};
 
 use ostra_masks::{LabelId, MaskError, RunMask};
 
-/// Writes the runs.
+/// Serializes the runs.
 pub fn serialize<S: Serializer>(mask: &Arc<RunMask>, serializer: S) -> Result<S::Ok, S::Error> {
     let mut text = format!("{}x{}", mask.width, mask.height);
     for (id, length) in &mask.runs {
@@ -18,7 +19,7 @@ pub fn serialize<S: Serializer>(mask: &Arc<RunMask>, serializer: S) -> Result<S:
     serializer.serialize_str(&text)
 }
 
-/// Reads runs that [`serialize`] wrote.
+/// Deserializes runs that [`serialize`] wrote.
 pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Arc<RunMask>, D::Error> {
     let text = std::borrow::Cow::<'de, str>::deserialize(deserializer)?;
     let damaged = || D::Error::custom("the runs of a mask are damaged");
@@ -28,7 +29,9 @@ pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Arc<Run
         .map_err(D::Error::custom)
 }
 
-/// The mask in a text of the right form; the inner error is that of [`RunMask::new`].
+/// Parses a mask, or returns `None` if the text does not have the right form.
+///
+/// The inner error is that of [`RunMask::new`].
 fn parse(text: &str) -> Option<Result<RunMask, MaskError>> {
     let mut words = text.split(' ');
     let (width, height) = words.next()?.split_once('x')?;

@@ -1,4 +1,6 @@
-//! Where the sources of frames lie: relative to the project in `project.toml`, absolute in memory, and found again after
+//! Paths of the frames' sources.
+//!
+//! They are relative to the project in `project.toml`, absolute in memory, and found again after
 //! the project was moved together with them.
 
 use std::collections::BTreeMap;
@@ -8,15 +10,15 @@ use std::sync::Arc;
 use crate::Project;
 use ostra_frames::{Frame, check_source, sources, sources_mut};
 
-/// The folders above a moved project in which its sources are looked for, itself included.
+/// Number of folders, from a moved project upwards, in which its sources are searched.
 const LEVELS: usize = 5;
 
-/// How many files of a folder are looked into before it is taken for the one that was meant.
+/// Maximum number of files that are checked before a folder is accepted as the right one.
 const SAMPLES: usize = 16;
 
-/// Makes the paths of a frame's sources relative to the project's folder where they share a folder with it.
+/// Makes source paths relative to the project's folder if they share a folder with it.
 pub fn make_relative(frame: &mut Frame, folder: &Path) {
-    // What `..` means in a path depends on the links in front of it; such a path stays as it is.
+    // The meaning of `..` in a path depends on the links before it, so such a path is not changed.
     let is_plain = |path: &Path| !path.components().any(|part| part == Component::ParentDir);
     for path in sources_mut(frame).filter(|path| is_plain(path)) {
         if let Some(relative) = relative(folder, path) {
@@ -25,17 +27,20 @@ pub fn make_relative(frame: &mut Frame, folder: &Path) {
     }
 }
 
-/// Makes relative paths of a frame's sources absolute. What looks like a URL or an option becomes a plain file below the
-/// folder by that, too.
+/// Makes relative source paths of a frame absolute.
+///
+/// This also turns anything that looks like a URL or an option into a plain file below the folder.
 pub fn make_absolute(frame: &mut Frame, folder: &Path) {
     for path in sources_mut(frame).filter(|path| !path.is_absolute()) {
         *path = joined(folder, path);
     }
 }
 
-/// Points sources to their place relative to the project where it was moved, from `former`, together with them. Where it is
-/// not known from where, they are looked for near the project. Every file that is taken has the size in pixels that the
-/// frame has. Returns what the user should check.
+/// Updates the paths of sources that were moved together with the project.
+///
+/// Sources are looked up at the same place relative to the project as in the folder `former`. If
+/// that fails, they are searched near the project. Every file that is accepted has the pixel size
+/// of its frame. Returns warnings that the user should check.
 pub fn find_moved(project: &mut Project, former: Option<&Path>, root: &Path) -> Vec<String> {
     let root = std::path::absolute(root).unwrap_or_else(|_| root.to_owned());
     let frames = &project.frames;
@@ -87,7 +92,9 @@ pub fn find_moved(project: &mut Project, former: Option<&Path>, root: &Path) -> 
     warnings
 }
 
-/// The sources of one folder: of each file a frame that is read from it, and whether it is that frame's depth.
+/// The sources in one folder.
+///
+/// For each file, this holds a frame that uses it and the file's index among the frame's sources.
 struct Group<'a> {
     folder: &'a Path,
     files: BTreeMap<PathBuf, (&'a Frame, usize)>,
@@ -111,12 +118,15 @@ fn groups(frames: &[Frame]) -> BTreeMap<&Path, Group<'_>> {
 }
 
 impl Group<'_> {
-    /// Whether any of the files is in a folder.
+    /// Returns whether any of the files exists in a folder.
     fn is_there(&self, folder: &Path) -> bool {
         self.files.keys().any(|name| folder.join(name).exists())
     }
 
-    /// Whether most of the files are in another folder too and have the right sizes.
+    /// Returns whether most of the files exist in a folder and have the right sizes.
+    ///
+    /// At least half must exist. The sizes of at most [`SAMPLES`] of them, evenly spaced, are
+    /// checked.
     fn fits(&self, folder: &Path) -> bool {
         let there: Vec<_> = self
             .files
@@ -130,7 +140,9 @@ impl Group<'_> {
             })
     }
 
-    /// Whether the files are in a folder, and no longer where they were, or a copy of them.
+    /// Returns whether the files fit in a folder and are moved or copied there.
+    ///
+    /// Every file must be missing at its old path, or have the same length at both.
     fn is_better_at(&self, folder: &Path) -> bool {
         let length = |path: PathBuf| std::fs::metadata(path).ok().map(|found| found.len());
         let is_copy = |name: &PathBuf| {
@@ -141,8 +153,9 @@ impl Group<'_> {
     }
 }
 
-/// Folders near a project that may be the one that another folder has become, the likeliest first: the longer the end of
-/// their paths that agrees, the likelier.
+/// Returns folders near a project that may correspond to a moved folder, the most likely first.
+///
+/// The longer the common end of the paths, the more likely the folder.
 fn near(folder: &Path, root: &Path) -> impl Iterator<Item = PathBuf> {
     let parts: Vec<_> = folder
         .components()
@@ -161,7 +174,9 @@ fn near(folder: &Path, root: &Path) -> impl Iterator<Item = PathBuf> {
         .chain(beside)
 }
 
-/// The way from a folder to a path; `None` where they share no folder but the root of the disk.
+/// Returns the relative path between two paths.
+///
+/// Returns `None` if they share only the root of the file system.
 fn relative(from: &Path, to: &Path) -> Option<PathBuf> {
     let shared: Vec<Component<'_>> = from
         .components()
@@ -185,7 +200,7 @@ fn relative(from: &Path, to: &Path) -> Option<PathBuf> {
     })
 }
 
-/// A path as it is seen from a folder. `..` is taken by the names, not by where links on the way lead.
+/// Joins a path to a folder and resolves `..` by name, without following links.
 pub fn joined(folder: &Path, path: &Path) -> PathBuf {
     let mut joined = folder.to_owned();
     for part in path.components() {
@@ -203,7 +218,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn relative_paths_lead_back_to_where_they_came_from() {
+    fn relative_paths_lead_back_to_their_origin() {
         for (from, to, way) in [
             (
                 "/data/set/project",
@@ -227,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn what_looks_like_an_address_or_option_becomes_a_file() {
+    fn paths_that_look_like_urls_or_options_become_files() {
         for (path, file) in [
             ("http://evil/x.mp4", "/p/http:/evil/x.mp4"),
             ("-i", "/p/-i"),

@@ -1,4 +1,6 @@
-//! The files of a reconstruction: the sparse model of the project's cameras, and next to it what became of each frame.
+//! Files of a reconstruction.
+//!
+//! These are the sparse model of the project's cameras and the outcome of each frame.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -17,20 +19,23 @@ use ostra_frames::{Frame, FrameError};
 use ostra_reconstruct::rgbd::FrameLink;
 use ostra_reconstruct::sfm::Outcome;
 
-/// What `sparse/` was written from.
+/// The data from which `sparse/` was written.
 #[derive(Debug, Clone)]
 pub struct WrittenSparse {
-    /// The frames whose cameras it holds.
+    /// Frames whose cameras it holds.
     pub frames: Arc<Vec<Frame>>,
-    /// The version of the points it holds.
+    /// Version of the points it holds.
     pub version: Option<u64>,
 }
 
-/// Writes the sparse model for other tools, where it changed since it was written. Cameras that such a model cannot hold
-/// (of mirrored images) are no reason not to save: `project.toml` has them.
+/// Writes the sparse model for other tools if it has changed.
+///
+/// Cameras that such a model cannot represent (of mirrored images) do not prevent saving, because
+/// `project.toml` holds them.
 ///
 /// # Errors
-/// When a file cannot be written.
+///
+/// Returns an error if a file cannot be written.
 pub(super) fn write(
     root: &Path,
     project: &Project,
@@ -59,10 +64,11 @@ pub(super) fn write(
     })
 }
 
-/// The points that the project's cameras were found with; none where cameras were given.
+/// Returns the points that the project's cameras were found with; none if cameras were given.
 ///
 /// # Errors
-/// When their files are missing or damaged.
+///
+/// Returns an error if their files are missing or damaged.
 pub fn read_sparse(root: &Path, project: &Project) -> Result<SparsePoints> {
     let version = versions::version_in_force(project, ResultKind::Cameras);
     let read = version
@@ -71,21 +77,22 @@ pub fn read_sparse(root: &Path, project: &Project) -> Result<SparsePoints> {
     Ok(read.transpose().context(lost)?.unwrap_or_default())
 }
 
-/// As [`read_sparse`]; none where their files cannot be used, for work that can do without.
+/// Like [`read_sparse`], but returns no points if their files cannot be used.
 pub fn load_sparse(root: &Path, project: &Project) -> SparsePoints {
     read_sparse(root, project).unwrap_or_default()
 }
 
-/// A larger file is damaged: one of a million frames takes half of it.
+/// Maximum size of the files. One of a million frames takes half of it; a larger one is damaged.
 const MAX_BYTES: u64 = 512 << 20;
 
 const OUTCOMES: &str = "outcomes.json";
 const LINKS: &str = "links.json";
 
-/// Writes beside a sparse model what became of each frame when it was made.
+/// Writes the outcome of each frame next to a sparse model.
 ///
 /// # Errors
-/// When the file cannot be written.
+///
+/// Returns an error if the file cannot be written.
 pub fn save_outcomes(folder: &Path, outcomes: &BTreeMap<usize, Outcome>) -> Result<()> {
     durable::replace(
         &folder.join(OUTCOMES),
@@ -93,10 +100,11 @@ pub fn save_outcomes(folder: &Path, outcomes: &BTreeMap<usize, Outcome>) -> Resu
     )
 }
 
-/// Writes beside a sparse model what ties its frames together; nothing where there are no links.
+/// Writes the links between frames next to a sparse model, if there are any.
 ///
 /// # Errors
-/// When the file cannot be written.
+///
+/// Returns an error if the file cannot be written.
 pub fn save_links(folder: &Path, links: &[FrameLink]) -> Result<()> {
     if links.is_empty() {
         Ok(())
@@ -105,18 +113,20 @@ pub fn save_links(folder: &Path, links: &[FrameLink]) -> Result<()> {
     }
 }
 
-/// What became of each frame, by number.
+/// Reads the outcome of each frame, by frame number.
 ///
 /// # Errors
-/// When the file is gone or damaged.
+///
+/// Returns an error if the file is missing or damaged.
 pub fn load_outcomes(folder: &Path) -> Result<BTreeMap<usize, Outcome>> {
     load(&folder.join(OUTCOMES))
 }
 
-/// What ties the frames together; nothing where no file tells.
+/// Reads the links between frames; a missing file has none.
 ///
 /// # Errors
-/// When the file is damaged.
+///
+/// Returns an error if the file is damaged.
 pub fn load_links(folder: &Path) -> Result<Vec<FrameLink>> {
     let path = folder.join(LINKS);
     if path.exists() {

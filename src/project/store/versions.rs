@@ -1,5 +1,7 @@
-//! Files of results, kept under a number for as long as the project or its history refers to them, so that undo
-//! brings an earlier result back. The one in force also stands under its plain name.
+//! Numbered files of results.
+//!
+//! They are kept as long as the project or its history refers to them, so that undo restores an
+//! earlier result. The current version is also published under its plain name.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -12,62 +14,65 @@ use crate::{Edit, History, Project, ResultKind};
 use ostra_core::disk;
 use ostra_frames::{DepthSource, Frame};
 
-/// Results that have files of their own.
+/// Kinds of results that have files of their own.
 const KINDS: [ResultKind; 3] = [ResultKind::Cloud, ResultKind::Cameras, ResultKind::Depths];
 
-/// Plain name of what is published, and what stands before and after the number under `versions/`.
+/// Plain name of each published file, and the prefix and suffix of its number under `versions/`.
 const FILES: [(&str, &str, &str); 3] = [
     ("cloud.ply", "cloud-", ".ply"),
     ("votes.bin", "votes-", ".bin"),
     ("mesh.ply", "mesh-", ".ply"),
 ];
 
-/// What stands before the number of a sparse model's folder, and of one with depth maps.
+/// Prefixes of the folders of sparse models and of depth maps.
 const SPARSE: &str = "sparse-";
 const DEPTHS: &str = "depths-";
 
-/// Earlier results of a kind beyond this many are not kept.
+/// Maximum number of earlier results of a kind that are kept.
 const KEPT: usize = 4;
 
-/// Where a version of the labelled cloud lies.
+/// Returns the path of a version of the labelled cloud.
 pub fn cloud_path(root: &Path, version: u64) -> PathBuf {
     root.join(format!("versions/cloud-{version}.ply"))
 }
 
-/// Where a version of the cloud's votes lies.
+/// Returns the path of a version of the cloud's votes.
 pub fn votes_path(root: &Path, version: u64) -> PathBuf {
     root.join(format!("versions/votes-{version}.bin"))
 }
 
-/// Where the surface of a version of the labelled cloud lies; not every version has one.
+/// Returns the path of the surface of a version of the cloud; not every version has one.
 pub fn mesh_path(root: &Path, version: u64) -> PathBuf {
     root.join(format!("versions/mesh-{version}.ply"))
 }
 
-/// Where the votes on that surface's vertices lie, where they may be asked again.
+/// Returns the path of the votes on the vertices of that surface, which exist if it can vote again.
 pub fn mesh_votes_path(root: &Path, version: u64) -> PathBuf {
     root.join(format!("versions/surface-votes-{version}.bin"))
 }
 
-/// Where features and matches are kept from one reconstruction to the next. No result: it may be deleted at any time.
+/// Returns the folder of the cache of features and matches, which may be deleted at any time.
 pub fn feature_cache_path(root: &Path) -> PathBuf {
     root.join("cache")
 }
 
-/// Where a version of the sparse model lies: a folder with a COLMAP text model.
+/// Returns the folder of a version of the sparse model, which is a COLMAP text model.
 pub fn sparse_path(root: &Path, version: u64) -> PathBuf {
     root.join(format!("versions/{SPARSE}{version}"))
 }
 
-/// Where a version of the depth maps lies, below the project's folder: a folder with a file per frame.
+/// Returns the folder of a version of the depth maps, relative to the project's folder.
+///
+/// It holds one file per frame.
 pub(super) fn depths_path(version: u64) -> PathBuf {
     PathBuf::from(format!("versions/{DEPTHS}{version}"))
 }
 
-/// A number that neither a file nor the project nor its history has; makes the folder.
+/// Returns a number not used by any file, the project or its history, and creates the folder.
 ///
 /// # Errors
-/// When the folder cannot be made or read.
+///
+/// Returns an error if the folder cannot be created or read.
 pub fn next(root: &Path, project: &Project, history: &History) -> Result<u64> {
     durable::make_folder(&root.join("versions"))?;
     let on_disk = KINDS.iter().flat_map(|&kind| numbers(root, kind)).max();
@@ -78,10 +83,13 @@ pub fn next(root: &Path, project: &Project, history: &History) -> Result<u64> {
     Ok(on_disk.max(named).unwrap_or(0) + 1)
 }
 
-/// Puts the cloud's files of the version in force (`None` = there is no cloud) under their plain names.
+/// Publishes the cloud's files of the current version under their plain names.
+///
+/// `None` means that there is no cloud.
 ///
 /// # Errors
-/// When a file cannot be put in place.
+///
+/// Returns an error if a file cannot be put in place.
 pub fn publish_cloud(root: &Path, version: Option<u64>) -> Result<()> {
     let mut changed = false;
     for (plain, before, after) in FILES {
@@ -103,20 +111,23 @@ pub fn publish_cloud(root: &Path, version: Option<u64>) -> Result<()> {
     }
 }
 
-/// Gives the mesh of one version to another one, as it is.
+/// Gives the mesh of one version to another version, unchanged.
 ///
 /// # Errors
-/// When the file cannot be put in place, or is gone.
+///
+/// Returns an error if the file is missing or cannot be put in place.
 pub fn keep_mesh(root: &Path, from: u64, to: u64) -> Result<()> {
     let place = mesh_path(root, to);
     disk::link(&mesh_path(root, from), &place).with_context(|| durable::cannot_write(&place))
 }
 
-/// Gives the votes on the cloud and the surface of one version to another one, as they are; those that are not kept are
-/// left out.
+/// Gives the votes on the cloud and the surface of one version to another version, unchanged.
+///
+/// Votes that do not exist are skipped.
 ///
 /// # Errors
-/// When a file cannot be put in place.
+///
+/// Returns an error if a file cannot be put in place.
 pub fn keep_votes(root: &Path, from: u64, to: u64) -> Result<()> {
     for votes in [votes_path, mesh_votes_path] {
         let (source, place) = (votes(root, from), votes(root, to));
@@ -127,11 +138,14 @@ pub fn keep_votes(root: &Path, from: u64, to: u64) -> Result<()> {
     Ok(())
 }
 
-/// Puts the depth maps that frames have now under `depths/`, by the frames' names, and takes away those that it put there
-/// before. Other files in that folder are left alone.
+/// Publishes the frames' current depth maps under `depths/`, by the frames' names.
+///
+/// Depth maps that were published there before are removed. Other files in that folder are left
+/// alone.
 ///
 /// # Errors
-/// When a file cannot be put in place.
+///
+/// Returns an error if a file cannot be put in place.
 pub fn publish_depths(root: &Path, frames: &[Frame]) -> Result<()> {
     let folder = root.join("depths");
     let made = |frame: &Frame| match &frame.depth {
@@ -160,12 +174,12 @@ pub fn publish_depths(root: &Path, frames: &[Frame]) -> Result<()> {
     Ok(())
 }
 
-/// The numbers of all folders with depth maps, the newest first.
+/// Returns the numbers of all folders with depth maps, the newest first.
 pub fn depth_versions(root: &Path) -> impl Iterator<Item = u64> {
     numbers(root, ResultKind::Depths).into_iter().rev()
 }
 
-/// The file of a frame's depth map, below the folder of all.
+/// Returns the file name of a frame's depth map, relative to the folder of the maps.
 pub(super) fn depth_file(frame: &str) -> String {
     format!("{frame}.tiff")
 }
@@ -179,8 +193,9 @@ fn is_same(a: &Path, b: &Path) -> bool {
     stamp(a).is_some_and(|a| Some(a) == stamp(b))
 }
 
-/// Takes away versions that nothing refers to, and the oldest beyond a few. Numbers above all that are referred to
-/// may be in the making and are left alone.
+/// Removes versions that nothing refers to, and the oldest of the others if there are many.
+///
+/// Numbers above all referenced ones may belong to results in progress and are left alone.
 pub fn collect(root: &Path, project: &Project, history: &History) {
     for kind in KINDS {
         collect_kind(root, project, history, kind);
@@ -222,7 +237,7 @@ fn remove(root: &Path, version: u64, kind: ResultKind) {
     }
 }
 
-/// The version of a result's files that the project has now.
+/// Returns the version of a result's files that the project currently uses.
 pub fn version_in_force(project: &Project, kind: ResultKind) -> Option<u64> {
     project
         .results

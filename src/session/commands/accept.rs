@@ -14,7 +14,7 @@ use ostra_project::store::version_in_force;
 use ostra_project::voted_cloud::VotedCloud;
 
 impl Session {
-    /// Gives a frame the mask that the vote of all frames has, for some labels or (none named) for all.
+    /// Gives a frame the mask of the vote of all frames, for some labels or (empty) for all.
     pub(crate) fn accept_vote(&mut self, number: usize, labels: &[LabelId]) -> Result<JobId> {
         let project = self.snapshot()?;
         project.frame(number)?;

@@ -17,12 +17,14 @@ use ostra_project::Project;
 use ostra_project::voted_cloud::VotedCloud;
 
 impl Session {
-    /// Gives pieces without a label that hang on one labelled thing to it: the pixels of all masks that see them and
-    /// show nothing there, and the points of the cloud with them, in one step. Frames without a mask get none. Where
-    /// there is no such piece, nothing happens.
+    /// Assigns unlabelled pieces that are attached to one labelled object to its label.
     ///
-    /// A command of its own and no part of `fuse`, because it changes masks: visibly, and in one step that undo takes back.
-    /// The demo runs it before the last fusion.
+    /// The pixels that see them in all masks and are unlabelled change, together with the points of
+    /// the cloud, in one step. Frames without a mask do not get one. If there is no such piece,
+    /// nothing happens.
+    ///
+    /// This is a separate command and not part of `fuse`, because it changes masks: the change is
+    /// visible, and one undo reverts it. The demo runs it before the last fusion.
     pub(crate) fn adopt(&mut self, request: AdoptRequest) -> Result<JobId> {
         self.correct("Adopt hanging pieces", move |correcting, progress| {
             correcting.adopted(request, progress)
@@ -68,7 +70,9 @@ impl Correcting {
         })
     }
 
-    /// The cloud as the masks vote now, with the labels that are hidden: what is out of play is not without a label.
+    /// Returns the cloud as the current masks vote, including hidden labels.
+    ///
+    /// Otherwise points with a hidden label would count as unlabelled.
     fn cloud_with_hidden(&self, progress: &Progress) -> Result<VotedCloud> {
         if self.hidden().is_empty() {
             return self.cloud_of_now(progress);
@@ -87,7 +91,7 @@ impl Correcting {
         })
     }
 
-    /// The labels that are hidden on some frame.
+    /// Returns the labels that are hidden on some frame.
     fn hidden(&self) -> BTreeSet<LabelId> {
         let marks = self.project.marks.iter();
         marks
@@ -109,7 +113,7 @@ fn all_points(pieces: &[HangingPiece]) -> Selection {
     }
 }
 
-/// Along the points of the cloud, the label that a piece's points get.
+/// Returns for each point of the cloud the label that its piece gets.
 fn choice(pieces: &[HangingPiece], points: usize) -> Vec<Option<LabelId>> {
     let mut choice = vec![None; points];
     for piece in pieces {
@@ -121,7 +125,7 @@ fn choice(pieces: &[HangingPiece], points: usize) -> Vec<Option<LabelId>> {
     choice
 }
 
-/// What each label got by the vote of the masks as they are now.
+/// Describes the points that each label gained by the vote of the changed masks.
 fn told(tree: &LabelTree, pieces: &[HangingPiece], voted: Option<&LabelledCloud>) -> String {
     let mut gains: BTreeMap<LabelId, (usize, usize)> = BTreeMap::new();
     for (piece, cloud) in pieces.iter().filter_map(|piece| Some((piece, voted?))) {

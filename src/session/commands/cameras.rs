@@ -26,16 +26,16 @@ use ostra_reconstruct::sfm::{
     PairOptions, SfmRequest, SfmResult, structure_from_motion,
 };
 
-/// What finds cameras.
+/// Method that finds cameras.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Finder {
     /// Structure from motion.
     Sfm(Poses),
-    /// Registration by depth and pictures; all poses are found anew.
+    /// Registration by depth and images, which estimates all poses again.
     Rgbd,
 }
 
-/// What finding cameras works on.
+/// Inputs of the search for cameras.
 pub struct CameraWork {
     pub project: Arc<Project>,
     pub root: PathBuf,
@@ -47,21 +47,22 @@ pub struct CameraWork {
     matcher: Box<dyn FeatureMatcher>,
 }
 
-/// What it found, on the disk already.
+/// Cameras that were found; their files are already written.
 pub(super) struct FoundCameras {
     made_from: Arc<Project>,
     edits: Vec<Edit>,
     notices: Vec<String>,
     warnings: Vec<String>,
-    /// Whether it was stopped and is a part of what it could be.
+    /// Whether the search was stopped, so that the result is partial.
     pub stopped: bool,
 }
 
 impl CameraWork {
-    /// Checks what is asked for and loads what it needs.
+    /// Checks a request and loads the engines that it needs.
     ///
     /// # Errors
-    /// Where a pair names no frame or an engine is not installed.
+    ///
+    /// Returns an error if a pair contains an unknown frame, or an engine is not installed.
     pub fn new(
         project: Arc<Project>,
         request: &ReconstructRequest,
@@ -98,10 +99,14 @@ impl CameraWork {
         })
     }
 
-    /// Cameras; stopped, those that it has, where they are more than stand already.
+    /// Finds the cameras.
+    ///
+    /// If stopped, returns the cameras found so far, if they are more than the project already has.
     ///
     /// # Errors
-    /// Where nothing can be placed or written, or it was stopped before there was anything to keep.
+    ///
+    /// Returns an error if no camera can be found, a file cannot be written, or the search was
+    /// stopped too early.
     pub fn find(self, context: &JobContext<Session>) -> Result<FoundCameras> {
         let begun = Instant::now();
         let poses = self.poses();
@@ -238,10 +243,11 @@ impl CameraWork {
 }
 
 impl FoundCameras {
-    /// The project that they were found for, with them.
+    /// Returns the project that the cameras were found for, with the cameras applied.
     ///
     /// # Errors
-    /// Where an edit does not fit it.
+    ///
+    /// Returns an error if an edit does not fit the project.
     pub fn applied(&self) -> Result<Project> {
         let mut project = Project::clone(&self.made_from);
         for edit in &self.edits {
@@ -250,15 +256,16 @@ impl FoundCameras {
         Ok(project)
     }
 
-    /// Takes them into the session.
+    /// Commits the cameras to the session.
     ///
     /// # Errors
-    /// Where the step cannot be saved.
+    ///
+    /// Returns an error if the step cannot be saved.
     pub fn land(mut self, session: &mut Session) -> Result<()> {
         let now = session.snapshot()?;
         let changed = self.made_from.frames != now.frames;
         for edit in &mut self.edits {
-            // Its file may have been moved meanwhile.
+            // The file may have been moved in the meantime.
             if let Edit::SetDepth {
                 frame,
                 depth: Some(DepthSource::Sensor { path, .. }),
@@ -284,7 +291,7 @@ impl FoundCameras {
     }
 }
 
-/// Points, keypoints and what became of each frame, under the version's number.
+/// Saves points, keypoints and the outcome of each frame under the version's number.
 fn save(folder: &Path, frames: &[Frame], result: &Cameras) -> Result<()> {
     let mut placed = frames.to_vec();
     for (number, frame) in placed.iter_mut().enumerate() {

@@ -25,18 +25,20 @@ use ostra_project::store::{cloud_path, keep_mesh, sync_folder, version_in_force,
 use ostra_project::voted_cloud::{VotedCloud, save_votes};
 use ostra_project::{Edit, FrameMask, MaskOrigin, Project, ResultKind, ResultRecord};
 
-/// What a correction comes to.
+/// Result of a correction.
 #[derive(Default)]
 pub(super) struct Corrected {
     /// Edits of masks and labels.
     pub(super) edits: Vec<Edit>,
-    /// What the user is told in the end; where there is that, there may be no edits, and nothing happens.
+    /// Message for the user at the end.
+    ///
+    /// With a message, the edits may be empty. The project then does not change.
     pub(super) notice: Option<Notice>,
-    /// What the user should know.
+    /// Warnings for the user.
     pub(super) warnings: Vec<String>,
 }
 
-/// What to tell of the cloud as the masks voted again; of `None` where they did not.
+/// Creates a message from the cloud after the masks voted again, or from `None` if they did not.
 pub(super) type Notice = Box<dyn FnOnce(Option<&LabelledCloud>) -> String + Send>;
 
 impl From<Vec<Edit>> for Corrected {
@@ -48,10 +50,10 @@ impl From<Vec<Edit>> for Corrected {
     }
 }
 
-/// What a correction in 3-D works on: the state that it began with.
+/// Inputs of a correction in 3-D: the state at its start.
 pub(super) struct Correcting {
     pub(super) project: Arc<Project>,
-    /// The cloud in force and who voted for its points.
+    /// The current cloud and its votes.
     before: ReusableVotes,
     root: PathBuf,
     store: Arc<FrameStore>,
@@ -59,7 +61,7 @@ pub(super) struct Correcting {
 }
 
 impl Session {
-    /// Gives the pixels of all masks that see some points another label, and the points with them, in one step.
+    /// Assigns some points and the pixels that see them in all masks to another label, in one step.
     pub(crate) fn correct_cloud(&mut self, correction: &CloudCorrection) -> Result<JobId> {
         let project = self.snapshot()?;
         let label = correction.change.label();
@@ -73,8 +75,10 @@ impl Session {
         })
     }
 
-    /// Starts a job that makes edits of masks and labels from the project as it is now, lets the points of the cloud
-    /// vote again by the masks as they are then, and takes in both as one step.
+    /// Starts a job that changes masks and labels, and commits it in one step.
+    ///
+    /// The job makes the edits from a snapshot of the project. The points of the cloud then vote
+    /// again with the changed masks, and the new labels belong to the same step.
     pub(super) fn correct(
         &mut self,
         title: &str,
@@ -151,7 +155,7 @@ impl Session {
 }
 
 impl Correcting {
-    /// The cloud in force with the labels of the masks as they were when the work began.
+    /// Returns the current cloud with the labels of the masks at the start of the correction.
     pub(super) fn cloud_of_now(&self, progress: &Progress) -> Result<VotedCloud> {
         let voted = self
             .before
@@ -160,7 +164,7 @@ impl Correcting {
         Ok(voted.up_to_date(&self.project, &self.store, progress)?)
     }
 
-    /// The edits of the masks that see the chosen points.
+    /// Returns the edits of the masks that see the selected points.
     fn written_back(&self, correction: &CloudCorrection, progress: &Progress) -> Result<Corrected> {
         progress.stage("choose points")?;
         let VotedCloud { cloud, votes } = self.cloud_of_now(progress)?;
@@ -188,8 +192,9 @@ impl Correcting {
         self.given_back(&seeing, &frames, correction.as_anchors, give, progress)
     }
 
-    /// The cloud as the masks of a project vote, whose points are those of the cloud in force; `None` where it is not
-    /// known who voted.
+    /// Returns the current cloud's points with labels voted by the masks of a project.
+    ///
+    /// Returns `None` if the frames that voted are unknown.
     pub(super) fn voted(&self, project: &Project, progress: &Progress) -> Result<Option<Fused>> {
         let masks = |frame: usize| {
             project
@@ -204,7 +209,7 @@ impl Correcting {
         self.before.cloud(&views, project, progress)
     }
 
-    /// What choosing points of a cloud needs.
+    /// Returns the selector for points of a cloud.
     pub(super) fn selector_for(&self, cloud: Arc<LabelledCloud>) -> Result<Arc<Selector>> {
         match &self.selector {
             Some(selector) if Arc::ptr_eq(selector.cloud(), &cloud) => Ok(Arc::clone(selector)),
@@ -212,9 +217,11 @@ impl Correcting {
         }
     }
 
-    /// The edits of these frames' masks by what becomes of a frame's mask and the region that sees the chosen points. A
-    /// depth that cannot be read is left aside: the pixels that are recorded to see points give the region, and a warning
-    /// names the frame.
+    /// Returns the edits of these frames' masks.
+    ///
+    /// `change` returns a frame's new mask from its mask and the region that sees the selected
+    /// points. If a depth cannot be read, the region consists of the pixels that are recorded to
+    /// see points, and a warning names the frame.
     pub(super) fn given_back(
         &self,
         seeing: &SeeingPixels<'_>,
@@ -254,8 +261,9 @@ impl Correcting {
         })
     }
 
-    /// The cloud and its surface as the masks vote after the edits, saved under a version of their own; `None` where it
-    /// is not known who voted.
+    /// Saves the cloud and its surface as voted after the edits, under a version of their own.
+    ///
+    /// Returns `None` if the frames that voted are unknown.
     fn voted_again(
         &self,
         edits: &[Edit],
@@ -311,8 +319,10 @@ impl Correcting {
         )))
     }
 
-    /// The surface as the masks vote now, saved under this version; as it was where it is not known who voted for it.
-    /// Whether it carries the labels of now.
+    /// Saves the surface with labels from the changed masks, and returns whether that was possible.
+    ///
+    /// If the frames that voted for it are unknown, the surface keeps its labels. Also returns true
+    /// if the cloud has no surface.
     fn surface_again(
         &self,
         views: &ProjectViews<'_>,
@@ -332,8 +342,10 @@ impl Correcting {
     }
 }
 
-/// The edit that gives a frame other runs by a correction in 3-D; `None` where nothing changes. Labels that are locked
-/// stay, those that are not there come back only by an anchor.
+/// Returns the edit that gives a frame other runs after a correction in 3-D.
+///
+/// Returns `None` if nothing changes. Locked labels keep their pixels. Labels marked as absent
+/// return only with `as_anchor`.
 fn mask_edit(project: &Project, frame: usize, runs: Arc<RunMask>, as_anchor: bool) -> Option<Edit> {
     let before = project.masks.get(&frame);
     let mask = if as_anchor {
@@ -358,14 +370,16 @@ fn mask_edit(project: &Project, frame: usize, runs: Arc<RunMask>, as_anchor: boo
     })
 }
 
-/// Confidences are kept of labels that the mask still shows.
+/// Removes the confidences of labels that the mask no longer shows.
 fn with_labels_shown(mut mask: FrameMask) -> FrameMask {
     let shown = mask.runs.extents();
     mask.confidence.retain(|label, _| shown.contains_key(label));
     mask
 }
 
-/// The edit that leaves corrected masks as fresh as they were, though anchors beside them change.
+/// Returns the edit that keeps corrected masks from becoming stale.
+///
+/// They would become stale by the change of neighbouring keyframes.
 fn not_stale(project: &Project, edits: &[Edit]) -> Option<Edit> {
     let is_fresh = |frame: &usize| project.masks.get(frame).is_none_or(|mask| !mask.stale);
     let frames: Vec<usize> = edits

@@ -43,19 +43,25 @@ impl Session {
         }))
     }
 
-    /// Refuses a file that an export must not replace: a source, a file inside a project, a file that OSTRA did not write.
+    /// Checks that an export may write a file.
     ///
     /// # Errors
-    /// One line: which file, why, and what to do.
+    ///
+    /// Returns an error if the file is a source, lies inside a project, or was not written by
+    /// OSTRA. The one-line message names the file, the reason, and what to do.
     pub fn check_export(&self, file: &Path, overwrite: bool) -> Result<()> {
         let project = self.project().map(Arc::clone).unwrap_or_default();
         ExportTargets::of(&project, self.root(), overwrite).check_files([file])
     }
 
-    /// Writes an image by `write` on a worker thread: this crate does not know how to draw, and the one that does knows no jobs.
+    /// Writes an image with `write` on a worker thread.
+    ///
+    /// Drawing is passed in as a closure because this crate cannot draw, and the crate that can has
+    /// no jobs.
     ///
     /// # Errors
-    /// As [`Self::check_export`].
+    ///
+    /// Returns the errors of [`Self::check_export`].
     pub fn write_picture(
         &mut self,
         path: &Path,
@@ -77,10 +83,13 @@ impl Session {
         }))
     }
 
-    /// Writes a video whose images `draw` makes, by their number, on a worker thread, as [`Self::write_picture`] does.
+    /// Writes a video on a worker thread, like [`Self::write_picture`].
+    ///
+    /// `draw` returns the image with the given number.
     ///
     /// # Errors
-    /// As [`Self::check_export`].
+    ///
+    /// Returns the errors of [`Self::check_export`].
     pub fn write_film(
         &mut self,
         path: &Path,
@@ -103,7 +112,9 @@ impl Session {
         }))
     }
 
-    /// A PLY that is inspected alone can be exported too: its cloud is all there is.
+    /// Collects the inputs of an export.
+    ///
+    /// An inspected PLY can be exported too; it has only a cloud.
     fn export_sources(&self) -> Result<Sources> {
         let inspecting = self.inspected.is_some();
         let project = if inspecting {
@@ -147,7 +158,7 @@ impl Session {
     }
 }
 
-/// Writes what was asked for; returns what the user should know.
+/// Writes the requested files and returns warnings for the user.
 fn write(
     request: &ExportRequest,
     sources: &Sources,
@@ -158,7 +169,7 @@ fn write(
     let cloud = (of_cloud || request.per_label)
         .then(|| load_cloud(sources, progress))
         .transpose()?;
-    // A cloud may have labels that the project has no longer; they get files too.
+    // A cloud may have labels that the project no longer has. They get files too.
     let labels = cloud.as_ref().map_or_else(LabelTree::default, |cloud| {
         sources.tree_of_today(&cloud.tree)
     });
@@ -257,7 +268,7 @@ fn write_targets(
     Ok(warnings)
 }
 
-/// The cloud, under the label names of today.
+/// Returns the cloud with the current label names.
 fn load_cloud(sources: &Sources, progress: &Progress) -> Result<LabelledCloud> {
     let mut cloud = match (&sources.cloud, &sources.cloud_file) {
         (Some(cloud), _) => LabelledCloud::clone(cloud),
@@ -274,7 +285,7 @@ fn load_cloud(sources: &Sources, progress: &Progress) -> Result<LabelledCloud> {
     Ok(cloud)
 }
 
-/// A warning where labels get no file of their own.
+/// Returns a warning about labels that get no file of their own.
 fn without_points(cloud: &LabelledCloud, level: Option<usize>) -> Option<String> {
     let coarse = level.map(|level| cloud.at_level(level));
     let labels: BTreeSet<LabelId> = coarse

@@ -1,4 +1,4 @@
-//! Writes undistorted images with their masks and cameras, and depths.
+//! Export of undistorted images with their masks and cameras, and of depths.
 
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -23,8 +23,11 @@ use ostra_masks::{RunMask, encode_palette_png};
 use ostra_project::Project;
 use ostra_reconstruct::sfm::{undistort_image, undistort_mask, undistorted_camera};
 
-/// Writes every frame that has a camera as a pinhole camera sees it: `images/` upright as PNG, `masks/` by nearest id,
-/// `sparse/` the cameras and points (COLMAP text). Frames whose image cannot be read are left out; a warning names them.
+/// Writes every frame that has a camera as seen by a pinhole camera.
+///
+/// `images/` holds upright PNGs, `masks/` the masks resampled to the nearest pixel, and `sparse/`
+/// the cameras and points as COLMAP text. Frames whose image cannot be read are skipped, and a
+/// warning names the first of them.
 pub(super) fn write_undistorted(
     folder: &Path,
     project: &Project,
@@ -34,7 +37,7 @@ pub(super) fn write_undistorted(
 ) -> Result<Vec<String>> {
     progress.stage("write undistorted images")?;
     let done = AtomicUsize::new(0);
-    // The model names the images, so both get names that the model's text can hold.
+    // The model names the images, so both use names that the text format can hold.
     let named = with_text_names(&project.frames);
     let project = &named.map_or_else(
         || project.clone(),
@@ -84,7 +87,7 @@ pub(super) fn write_undistorted(
     Ok(warning.into_iter().collect())
 }
 
-/// The frame with an undistorted, upright picture.
+/// Returns the frame with an undistorted, upright image.
 fn pinhole(frame: &Frame, stem: &str) -> Frame {
     let undistorted = |camera: FrameCamera| FrameCamera {
         intrinsics: undistorted_camera(&camera.intrinsics),
@@ -102,7 +105,7 @@ fn pinhole(frame: &Frame, stem: &str) -> Frame {
     }
 }
 
-/// Writes the image and mask of a frame, or gives why its image cannot be read.
+/// Writes the image and mask of a frame, or returns why its image cannot be read.
 fn write_frame(
     folder: &Path,
     project: &Project,
@@ -133,10 +136,11 @@ fn write_frame(
     Ok(None)
 }
 
-/// One line about the frames of an export whose image or depth cannot be read.
+/// Returns a warning about the frames of an export whose image or depth cannot be read.
 ///
 /// # Errors
-/// The first of them, where no other frame was exported.
+///
+/// Returns an error if no other frame was exported. It is the error of the first frame.
 fn left_out(
     folder: &Path,
     what: &str,
@@ -174,8 +178,10 @@ fn cannot_write(path: &Path) -> String {
     )
 }
 
-/// Writes the depth of every frame that has any as a 32-bit float TIFF in world units, 0 = unknown. Depths that cannot be
-/// read are left out; a warning names them.
+/// Writes the depth of every frame that has one as a 32-bit float TIFF.
+///
+/// Depths are in world units, and 0 means unknown. Depths that cannot be read are skipped, and a
+/// warning names the first of them.
 pub(super) fn write_depths(
     folder: &Path,
     project: &Project,

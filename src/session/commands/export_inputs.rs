@@ -1,4 +1,4 @@
-//! What an export reads, and what it is refused or warned for.
+//! Inputs of an export, and the checks and warnings about them.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,29 +16,29 @@ use ostra_project::export_targets::ExportTargets;
 use ostra_project::voted_cloud::read_votes_on;
 use ostra_project::{ExportRequest, Project};
 
-/// What an export reads: snapshots.
+/// Snapshots of the inputs of an export.
 pub struct Sources {
     pub(super) project: Arc<Project>,
     pub(super) store: Arc<FrameStore>,
-    /// The labelled cloud in memory, or where it lies.
+    /// The labelled cloud, if it is in memory.
     pub(super) cloud: Option<Arc<LabelledCloud>>,
     pub(super) cloud_votes: Option<Arc<Votes>>,
     pub(super) cloud_file: Option<PathBuf>,
-    /// The project's folder; `None` for a PLY that is inspected.
+    /// Folder of the project; `None` for an inspected PLY.
     pub(super) root: Option<PathBuf>,
-    /// Where the surface lies that was made with the cloud, and the edge of its voxels.
+    /// Path of the surface that was made with the cloud, and its voxel size.
     pub(super) surface: Option<(PathBuf, f64)>,
     pub(super) votes_file: Option<PathBuf>,
-    /// Of lengths in the cloud and its surface.
+    /// Unit of lengths in the cloud and its surface.
     pub(super) unit: LengthUnit,
-    /// What the cloud was made of has changed since.
+    /// Whether an input of the cloud has changed since.
     pub(super) is_stale: bool,
-    /// The labels of the cloud in memory are those of the masks now.
+    /// Whether the labels of the cloud in memory are those of the current masks.
     pub(super) follows: bool,
 }
 
 impl Sources {
-    /// The project's labels; those taken out since a result was made keep their former names in it.
+    /// Returns the project's label tree, with the labels that were removed since a result was made.
     pub(super) fn tree_of_today(&self, former: &LabelTree) -> LabelTree {
         let mut tree = self.project.labels.clone();
         for label in former
@@ -53,7 +53,7 @@ impl Sources {
         tree
     }
 
-    /// How the cloud of so many points was voted on; `None` for a PLY that is inspected.
+    /// Returns the votes on a cloud with this many points; `None` for an inspected PLY.
     pub(super) fn votes(&self, points: usize) -> Result<Option<Arc<Votes>>> {
         let of = |path: &Path| read_votes_on(path, points, &self.project.frames);
         let read = || self.votes_file.as_deref().map(of).transpose();
@@ -127,7 +127,9 @@ pub(super) fn check(request: &ExportRequest, sources: &Sources) -> Result<()> {
     Ok(())
 }
 
-/// Refuses metric lengths of a cloud whose scale is not known. Of a PLY that is inspected alone the user knows the unit.
+/// Rejects metric lengths of a cloud whose scale is unknown.
+///
+/// For an inspected PLY, the user is expected to know the unit.
 pub(super) fn check_unit(request: &ExportRequest, sources: &Sources) -> Result<()> {
     let is_known = sources.unit != LengthUnit::World || sources.root.is_none();
     let Some(unit) = request
@@ -172,7 +174,9 @@ pub(super) fn output_folders(request: &ExportRequest) -> impl Iterator<Item = &P
     .map(PathBuf::as_path)
 }
 
-/// All files that an export may write besides those in folders; with `per_label` one for each label of `tree`.
+/// Returns all files that an export may write outside its folders.
+///
+/// With `per_label`, this includes one file for each label of `tree`.
 pub(super) fn output_files(request: &ExportRequest, tree: &LabelTree) -> Vec<PathBuf> {
     let mut files = Vec::new();
     for path in [&request.cloud, &request.mesh, &request.voxels]
@@ -198,7 +202,7 @@ pub(super) fn output_files(request: &ExportRequest, tree: &LabelTree) -> Vec<Pat
     files
 }
 
-/// A cloud with a point of each label and one without.
+/// Returns a cloud with one point for each label and one unlabelled point.
 pub(super) fn every_label(tree: &LabelTree) -> LabelledCloud {
     let labels: Vec<LabelId> = std::iter::once(LabelId::NONE)
         .chain(tree.iter().map(|label| label.id))
@@ -211,7 +215,7 @@ pub(super) fn every_label(tree: &LabelTree) -> LabelledCloud {
     }
 }
 
-/// Refuses places that an export must not write to, before anything is written.
+/// Rejects targets that an export must not write to, before anything is written.
 pub(super) fn check_targets(request: &ExportRequest, targets: &ExportTargets) -> Result<()> {
     let without_labels = ExportRequest {
         per_label: false,
@@ -236,7 +240,7 @@ pub(super) fn check_targets(request: &ExportRequest, targets: &ExportTargets) ->
     Ok(())
 }
 
-/// A warning where the points or triangles were made of something that has changed since.
+/// Returns a warning if an input of the exported points or triangles has changed since.
 pub(super) fn outdated(request: &ExportRequest, sources: &Sources) -> Option<String> {
     if !sources.is_stale {
         return None;
@@ -271,7 +275,7 @@ pub(super) fn mask_format(request: &ExportRequest) -> Result<MaskFormat> {
         .unwrap_or_default())
 }
 
-/// Makes the folder that a file shall be written into.
+/// Creates the folder of a file that is to be written.
 pub fn make_folder_of(file: &Path) -> Result<()> {
     let Some(folder) = file
         .parent()

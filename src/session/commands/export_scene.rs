@@ -1,4 +1,4 @@
-//! Writes clouds, meshes, voxels and tables of traits.
+//! Export of clouds, meshes, voxels and trait tables.
 
 use std::path::Path;
 
@@ -29,8 +29,10 @@ pub(super) fn write_cloud(
     Ok(CloudFormat::save_classes(path, cloud)?)
 }
 
-/// Writes the surface that was made with the cloud, under the label names of today: every triangle in one label. Returns
-/// warnings: where more triangles are left than were asked for, and what positions are relative to.
+/// Writes the surface that was made with the cloud, with the current label names.
+///
+/// Every triangle has one label. Returns a warning if more triangles remain than requested, and a
+/// note about the origin of the positions.
 pub(super) fn write_mesh(
     path: &Path,
     sources: &Sources,
@@ -71,13 +73,15 @@ pub(super) fn write_mesh(
         .collect())
 }
 
-/// The mesh with a share of its triangles, and a warning where their number is clearly above that.
+/// Simplifies a mesh to a share of its triangles.
+///
+/// Also returns a warning if clearly more triangles remain.
 fn simplified(
     whole: &LabelledMesh,
     share: f64,
     progress: &Progress,
 ) -> Result<(LabelledMesh, Option<String>)> {
-    /// By which the share may be missed.
+    /// Factor by which the share may be exceeded without a warning.
     const SLACK: f64 = 1.05;
     progress.stage("simplify mesh")?;
     let mesh = whole.simplify(share, progress)?;
@@ -89,7 +93,7 @@ fn simplified(
     Ok((mesh, missed.then_some(warning)))
 }
 
-/// Writes the cubes that hold points of the cloud, as large as the voxels of its surface.
+/// Writes the voxels that contain points of the cloud, at the voxel size of its surface.
 pub(super) fn write_voxels(
     path: &Path,
     cloud: &LabelledCloud,
@@ -124,7 +128,9 @@ pub(super) fn write_voxels(
     write_points(path, &voxels, &request, save)
 }
 
-/// Writes a cloud or voxels by `save`, read at the level asked for, then the twin and the parts that are asked for.
+/// Writes a cloud or voxels with `save`, at the requested level.
+///
+/// Then writes the copy in label colours and the parts, if requested.
 fn write_points(
     path: &Path,
     cloud: &LabelledCloud,
@@ -146,7 +152,9 @@ fn write_points(
     Ok(())
 }
 
-/// Measures every label of a cloud and the angles asked for, and writes the table, lengths in the unit asked for or else in the scene's.
+/// Measures every label of a cloud and the requested angles, and writes the table.
+///
+/// Lengths are in the requested unit, or in the scene's unit if none is requested.
 pub(super) fn write_traits(
     path: &Path,
     cloud: &LabelledCloud,

@@ -1,4 +1,4 @@
-//! What structure from motion and registration found, as edits and records of the project.
+//! Results of structure from motion and registration as edits and records of the project.
 
 use ostra_core::statistics::upper_median;
 use ostra_frames::cameras::SparsePoints;
@@ -10,19 +10,19 @@ use ostra_reconstruct::sfm::{Outcome, SfmResult, Start};
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-/// What becomes of poses that frames have.
+/// How poses that frames already have are treated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Poses {
-    /// All are found anew.
+    /// All poses are estimated again.
     Anew,
-    /// They stay, and the other frames are placed beside them.
+    /// They are kept, and the other frames are registered to them.
     Kept,
 }
 
-/// Warnings about frames left out that are told one by one.
+/// Maximum number of individual warnings about frames that were left out.
 pub(super) const TOLD: usize = 20;
 
-/// The first lines about frames left out, and how many more there are.
+/// Returns the first lines about frames left out, and one about how many more there are.
 pub fn left_out(mut lines: Vec<String>, lacking: &str) -> Vec<String> {
     let more = lines.len().saturating_sub(TOLD);
     lines.truncate(TOLD);
@@ -32,24 +32,24 @@ pub fn left_out(mut lines: Vec<String>, lacking: &str) -> Vec<String> {
     lines
 }
 
-/// Cameras, whatever found them.
+/// Cameras from any method.
 pub struct Cameras {
     pub(super) engine: ResultEngine,
-    /// What was done and what came of it, in words.
+    /// Text that describes the method and its result.
     pub(super) settings: String,
-    /// By frame number.
+    /// Cameras by frame number.
     pub(super) cameras: BTreeMap<usize, FrameCamera>,
     pub(super) sparse: SparsePoints,
     pub(super) outcomes: BTreeMap<usize, Outcome>,
-    /// What ties frames together, where depth does.
+    /// Links between frames, if depth was used.
     pub(super) links: Vec<FrameLink>,
-    /// Cameras of pictures that were found not to lie on their depths.
+    /// Calibrations of images that were found to be misaligned with their depths.
     pub(super) calibrations: Vec<Calibration>,
-    /// Whether they stand in the coordinates of poses that were kept.
+    /// Whether the cameras are in the coordinates of poses that were kept.
     pub(super) is_anchored: bool,
-    /// Whether lengths are metres, where they are not anchored.
+    /// Whether lengths are metres, for cameras that are not anchored.
     pub(super) is_metric: bool,
-    /// What the user should know.
+    /// Warnings for the user.
     pub(super) warnings: Vec<String>,
     pub(super) stopped: bool,
 }
@@ -167,7 +167,9 @@ pub fn calibrated(frames: &[Frame], calibrations: &[Calibration]) -> Vec<Frame> 
     frames
 }
 
-/// The camera that a frame has after it: where none was found, a pose found anew leaves only given intrinsics.
+/// Returns the camera of a frame after the reconstruction.
+///
+/// If none was found and all poses are estimated again, only given intrinsics remain.
 pub(super) fn camera(
     known: &Frame,
     found: Option<&FrameCamera>,
@@ -234,7 +236,7 @@ pub(super) fn settings(result: &SfmResult) -> String {
     }
 }
 
-/// One line per frame without a camera, up to a number.
+/// Returns one line per frame without a camera, up to a maximum number.
 pub fn unplaced(frames: &[Frame], result: &Cameras) -> Vec<String> {
     let out = result
         .outcomes
@@ -248,12 +250,12 @@ pub fn unplaced(frames: &[Frame], result: &Cameras) -> Vec<String> {
     )
 }
 
-/// Whether a frame's pose is known.
+/// Returns whether a frame's pose is known.
 pub(super) fn is_posed(frame: &Frame) -> bool {
     frame.posed_camera().is_some()
 }
 
-/// The record of a result that came with the frames.
+/// Returns the edit that records a result that came with the frames.
 pub(super) fn given(kind: ResultKind, frames: usize, settings: &str) -> Edit {
     let settings = settings.to_owned();
     let record = ResultRecord {

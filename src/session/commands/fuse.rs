@@ -24,7 +24,7 @@ use ostra_project::voted_cloud::save_votes;
 use ostra_project::{Coordinates, Edit, FuseRequest, Project, ResultKind, ResultRecord};
 use ostra_reconstruct::stereo::{DenseCloud, FusionOptions, ViewOutcome, fuse_depths};
 
-/// Points that stereo's depths give at most where no voxel size is given.
+/// Maximum number of points from stereo depths if no voxel size is given.
 const STEREO_POINTS: usize = 4_000_000;
 
 impl Session {
@@ -49,7 +49,8 @@ impl Session {
             let scaled = before
                 .as_ref()
                 .map_or(onto.factor, |before| before.record.scaled);
-            // The surface comes first: made while the points and their votes are in memory, it would need room besides.
+            // The surface comes first. Made while the points and their votes are in memory, it
+            // would need more memory.
             let sources = Sources {
                 store: &store,
                 root: &root,
@@ -129,7 +130,7 @@ impl Session {
     }
 }
 
-/// The labelled points, and for people what they were made with.
+/// Returns the labelled points, and a text that describes how they were made.
 fn make(
     store: &FrameStore,
     root: &Path,
@@ -212,7 +213,9 @@ fn make_points(
     Ok(fuse(views, &project.labels, &options, progress)?)
 }
 
-/// Coordinates of a cloud that is fused now: those of the cameras, unless the depths were made in others.
+/// Returns the coordinates of a cloud that is fused now.
+///
+/// They are those of the cameras, unless the depths were made in other coordinates.
 fn coordinates(project: &Project, version: u64) -> Coordinates {
     let is_stereo = |frame: &Frame| matches!(frame.depth, Some(DepthSource::Made { .. }));
     match has_stale_depths(project) && project.frames.iter().any(is_stereo) {
@@ -221,7 +224,7 @@ fn coordinates(project: &Project, version: u64) -> Coordinates {
     }
 }
 
-/// What the points of a given cloud are multiplied by, because the scale was set after they were voted on last.
+/// Factor for the points of a given cloud if the scale was set after the last vote on it.
 struct OntoScale {
     factor: Option<f64>,
     warning: Option<String>,
@@ -261,7 +264,7 @@ impl OntoScale {
     }
 }
 
-/// Whether depths were made from what has changed since.
+/// Returns whether an input of the depths has changed since.
 fn has_stale_depths(project: &Project) -> bool {
     project
         .results
@@ -269,8 +272,10 @@ fn has_stale_depths(project: &Project) -> bool {
         .is_some_and(|record| record.stale)
 }
 
-/// Points of the depth maps that stereo made, with the pixels that made each, and the edge of the voxels that they were thinned
-/// with; and a line that names the frames that cannot be read.
+/// Returns the points of the stereo depth maps with the pixels that see them.
+///
+/// Also returns the voxel size to which they were thinned, and a warning about frames that cannot
+/// be read.
 fn dense_cloud(
     store: &FrameStore,
     root: &Path,
@@ -318,7 +323,7 @@ fn dense_cloud(
     Ok((cloud, voxel, unreadable))
 }
 
-/// Whether what a cloud is made of is no longer what it was.
+/// Returns whether an input of the cloud has changed.
 fn has_changed(before: &Project, now: &Project) -> bool {
     let runs = |project: &Project| -> Vec<_> { project.masks_in_play().collect() };
     let same_name = |label: &Label| {
@@ -356,7 +361,7 @@ fn settings(request: &FuseRequest, fused: &Fused, is_stereo: bool) -> String {
     )
 }
 
-/// What the size of the voxels was chosen from, where it was.
+/// Describes the basis on which the voxel size was chosen, if it was.
 fn chosen(fused: &Fused) -> String {
     let of = |ChosenVoxel { footprint, views }: ChosenVoxel| {
         format!(" (chosen: a pixel covers {footprint:.6}, a place is seen by {views:.0} frames)")
@@ -364,7 +369,7 @@ fn chosen(fused: &Fused) -> String {
     fused.report.chosen.map(of).unwrap_or_default()
 }
 
-/// What was made, in one line.
+/// Returns a one-line summary of the cloud.
 fn summary(request: &FuseRequest, fused: &Fused, surface: Option<f64>) -> String {
     let (points, voxel) = (fused.report.points, fused.report.voxel);
     let size = if voxel > 0.0 {

@@ -15,7 +15,7 @@ use ostra_project::prompt::PromptMeaning;
 use ostra_project::{Edit, Project};
 
 impl Session {
-    /// Looks for what words name; what is found is offered, nothing changes.
+    /// Finds objects by text and offers them, without changing the project.
     pub(crate) fn ground(&mut self, request: &GroundRequest) -> Result<JobId> {
         let project = self.snapshot()?;
         let frame = project.frame(request.frame)?.clone();
@@ -57,7 +57,7 @@ impl Session {
         )
     }
 
-    /// Makes an instance of its phrase's label of each thing, and masks of their boxes: one step.
+    /// Creates an instance label and a mask for each found object, in one step.
     pub(crate) fn take_found(&mut self, request: &TakeRequest) -> Result<JobId> {
         let project = self.snapshot()?;
         let frame = project.frame(request.frame)?.clone();
@@ -130,13 +130,13 @@ impl Session {
         )
     }
 
-    /// What the last search by words found, but for what was taken since.
+    /// Returns the last result of a search by text, without the objects that were taken since.
     #[must_use]
     pub fn grounding(&self) -> Option<&Grounding> {
         self.grounding.as_ref()
     }
 
-    /// Those that are asked for are no longer offered.
+    /// Removes requested objects from the offered ones.
     pub(super) fn drop_found(&mut self, frame: usize, extents: &[PxBox]) {
         if let Some(grounding) = self
             .grounding
@@ -150,7 +150,7 @@ impl Session {
     }
 }
 
-/// Carries new edits out and puts them to the others.
+/// Applies new edits to the project and appends them to the list.
 fn apply(project: &mut Project, edits: &mut Vec<Edit>, new: Vec<Edit>) -> Result<()> {
     for edit in &new {
         project.apply(edit.clone())?;
@@ -159,7 +159,9 @@ fn apply(project: &mut Project, edits: &mut Vec<Edit>, new: Vec<Edit>) -> Result
     Ok(())
 }
 
-/// A label for one more thing of a kind, with the label of the kind before it where there is none yet.
+/// Returns a label for a new instance of a class.
+///
+/// If the class has no label yet, its label comes first.
 fn instance_of(tree: &LabelTree, kind: &str) -> Result<Vec<Label>> {
     let mut tree = tree.clone();
     let mut made = Vec::new();
@@ -201,7 +203,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_thing_is_an_instance_of_its_kind() {
+    fn each_object_is_an_instance_of_its_class() {
         let mut tree = LabelTree::default();
         for expected in [&["banana", "banana 1"][..], &["banana 2"], &["banana 3"]] {
             let made = instance_of(&tree, "banana").unwrap();

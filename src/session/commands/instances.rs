@@ -14,8 +14,9 @@ use ostra_project::voted_cloud::VotedCloud;
 use ostra_project::{Edit, Project};
 
 impl Session {
-    /// Makes a label below `label` for each group of its points that hangs together, gives it the pixels that see these
-    /// points in every mask, and the points of the cloud with them, in one step.
+    /// Creates a label below `label` for each connected group of its points.
+    ///
+    /// The points of the cloud and the pixels that see them in every mask change in one step.
     pub(crate) fn instances(&mut self, request: &InstancesRequest) -> Result<JobId> {
         request.options.check()?;
         let project = self.snapshot()?;
@@ -28,7 +29,9 @@ impl Session {
 }
 
 impl Correcting {
-    /// The edits that make the labels and split the masks; what was not stale does not become so.
+    /// Returns the edits that create the labels and split the masks.
+    ///
+    /// Masks that were not stale stay so.
     fn split(&self, request: &InstancesRequest, progress: &Progress) -> Result<Vec<Edit>> {
         let project = &*self.project;
         let VotedCloud { cloud, votes } = self.cloud_of_now(progress)?;

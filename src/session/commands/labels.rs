@@ -53,7 +53,9 @@ impl Session {
         )
     }
 
-    /// Makes two labels one on all frames and in the cloud, in one step; a job where there is a cloud to vote again.
+    /// Merges two labels on all frames and in the cloud, in one step.
+    ///
+    /// Runs as a job if there is a cloud that must vote again.
     pub(crate) fn merge_labels(&mut self, label: LabelId, into: LabelId) -> Result<Option<JobId>> {
         let project = self.snapshot()?;
         let title = format!(

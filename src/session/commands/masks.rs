@@ -30,7 +30,7 @@ impl Session {
         }))
     }
 
-    /// Imported frames are anchors.
+    /// Commits imported masks; their frames become keyframes.
     fn take_masks(&mut self, imported: Imported) -> Result<()> {
         let Imported {
             masks,
@@ -82,7 +82,9 @@ impl Session {
     }
 }
 
-/// Writes all masks of a project; `level` reads deeper labels as their ancestor there.
+/// Writes all masks of a project.
+///
+/// With `level`, deeper labels are replaced by their ancestor at this level.
 pub fn write(
     folder: &Path,
     format: MaskFormat,
@@ -107,7 +109,7 @@ pub fn write(
     )?)
 }
 
-/// A path without ending for each frame's file below a folder of exports.
+/// Returns for each frame a relative path without extension for its file in an export folder.
 pub fn stems(project: &Project) -> Result<Vec<String>> {
     Ok(file_stems(&mask_frames(project))?)
 }

@@ -1,4 +1,4 @@
-//! What each `Command` does: one file a group, each an `impl Session`.
+//! The implementation of each `Command`: one file per group, each an `impl Session`.
 
 mod accept;
 mod adopt;

@@ -86,7 +86,10 @@ impl Session {
         }))
     }
 
-    /// What was open is closed even where its last checkpoint cannot be written: the journal has every step.
+    /// Closes the open project or PLY.
+    ///
+    /// The project is closed even if its last checkpoint cannot be written, because the journal
+    /// holds every step.
     pub(crate) fn close(&mut self) {
         self.discard_jobs();
         if let Err(error) = self.save() {
@@ -95,7 +98,7 @@ impl Session {
             )));
         }
         self.prompting.preparing = None;
-        // Results are known by number, and every project counts its own.
+        // Results are identified by number, and every project has its own numbering.
         self.background = Background::default();
         self.suggestions.clear();
         self.grounding = None;
@@ -130,7 +133,9 @@ impl Session {
     }
 }
 
-/// Opens a project for writing, or for viewing where its folder cannot be written (read-only media); a warning says so.
+/// Opens a project for writing, or for viewing if its folder cannot be written.
+///
+/// Read-only media are an example. A warning reports it.
 fn open_or_view(root: &Path, progress: &Progress) -> Result<Loaded> {
     let error = match Folder::open(root, progress) {
         Ok(loaded) => return Ok(loaded),
@@ -150,8 +155,10 @@ fn open_or_view(root: &Path, progress: &Progress) -> Result<Loaded> {
     Ok(loaded)
 }
 
-/// Makes the poses of frames to be added relative to the project's origin. Where there are cameras for the first time, or
-/// the project has no origin but needs one, the edits set it.
+/// Makes the poses of frames to be added relative to the project's origin.
+///
+/// If these are the first cameras, or the project needs an origin and has none, the returned edits
+/// set it.
 fn add_in_place(frames: &mut [Frame], project: &Project) -> Vec<Edit> {
     let mut edits = project.move_origin_near_cameras();
     let moved = edits.iter().find_map(|edit| match edit {
@@ -176,7 +183,7 @@ fn add_in_place(frames: &mut [Frame], project: &Project) -> Vec<Edit> {
     edits
 }
 
-/// Puts a project in the place of what is open.
+/// Replaces the open project.
 fn take_open(open: OpenProject, warnings: Vec<String>) -> JobCompletion {
     Box::new(move |session| {
         session.close();
@@ -189,7 +196,7 @@ fn take_open(open: OpenProject, warnings: Vec<String>) -> JobCompletion {
     })
 }
 
-/// Frames whose given cameras stand among given cameras that were scaled since.
+/// Scales given cameras of added frames like the given cameras of the project.
 fn in_scene_scale(mut frames: Vec<Frame>, project: &Project) -> Vec<Frame> {
     let coordinates = project.coordinates();
     if coordinates.world == Coordinates::OF_GIVEN_CAMERAS {
@@ -210,7 +217,9 @@ fn with_frames(mut project: Project, frames: Vec<Frame>) -> Result<Project> {
     Ok(project)
 }
 
-/// Reads what is asked for, with cameras. These are matched before frames are left out: some formats count them.
+/// Reads the requested frames with their cameras.
+///
+/// Cameras are matched before frames are left out, because some formats count the frames.
 fn read_frames(new: &NewProject, progress: &Progress) -> Result<Opened> {
     let all = OpenRequest {
         every: 1,
@@ -238,7 +247,9 @@ fn read_frames(new: &NewProject, progress: &Progress) -> Result<Opened> {
     Ok(opened)
 }
 
-/// Depth that another camera measured is seen through the picture's, which must be known.
+/// Checks that the camera of each frame with depth from another camera is known.
+///
+/// Such a depth is re-projected to the image's camera.
 fn check_seen(frames: &[Frame]) -> Result<()> {
     let unseen = frames
         .iter()
@@ -270,7 +281,9 @@ fn thinned(frames: Vec<Frame>, request: &OpenRequest) -> Result<Vec<Frame>> {
     Ok(taken)
 }
 
-/// Frames whose names are taken already get as many more of their path's last parts in front as make all differ.
+/// Extends the names of frames that are already taken.
+///
+/// Leading parts of their path are prepended, as many as are needed to make all names distinct.
 fn with_free_names(mut frames: Vec<Frame>, project: &Project) -> Result<Vec<Frame>> {
     let taken: std::collections::BTreeSet<&str> = project
         .frames

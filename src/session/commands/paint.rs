@@ -13,7 +13,10 @@ use ostra_project::mask_edits::{anchor_of, by_hand, check_unlocked, label_name, 
 use ostra_project::{Edit, MaskOrigin};
 
 impl Session {
-    /// Paints at once, but for a brush that stops at edges: it needs the picture, which is read by a job.
+    /// Paints on a frame's mask.
+    ///
+    /// This is done immediately, except for a brush that snaps to edges. A job reads the image for
+    /// it.
     pub(crate) fn paint(&mut self, request: &PaintRequest) -> Result<Option<JobId>> {
         let project = self.snapshot()?;
         let frame = project.frame(request.frame)?.clone();
@@ -37,7 +40,7 @@ impl Session {
         })))
     }
 
-    /// Gives the painted pixels to the label, or takes them, in the frame's mask as it is now.
+    /// Assigns the painted pixels to the label, or erases them, in the frame's current mask.
     fn take_painted(&mut self, request: &PaintRequest, region: &Region) -> Result<()> {
         let project = self.snapshot()?;
         let name = label_name(&project, request.label)?;
@@ -59,7 +62,7 @@ impl Session {
         self.commit(&format!("{verb} {name} on frame {}", request.frame), edits)
     }
 
-    /// Pulls the border of a label on a frame; where that changes no pixel nothing happens.
+    /// Drags the border of a label on a frame; nothing happens if no pixel changes.
     pub(crate) fn pull(&mut self, request: &PullRequest) -> Result<()> {
         let project = self.snapshot()?;
         let PullRequest {
@@ -143,7 +146,7 @@ impl Session {
         }))
     }
 
-    /// Gives the traced pixels to the label, in the frame's mask as it is now.
+    /// Assigns the traced pixels to the label in the frame's current mask.
     fn take_trace(&mut self, request: &TraceRequest, region: &Region) -> Result<()> {
         let project = self.snapshot()?;
         let name = label_name(&project, request.label)?;
@@ -195,7 +198,7 @@ fn painted(frame: &Frame, request: &PaintRequest) -> Result<Region> {
     })
 }
 
-/// What becomes of other labels' pixels.
+/// Returns the rule for pixels of other labels.
 fn rule(replace: bool) -> PaintRule {
     if replace {
         PaintRule::Replace

@@ -62,7 +62,9 @@ impl Session {
         })))
     }
 
-    /// Makes a frame ready for prompts in the background, then its neighbours; the frame asked for last goes first.
+    /// Prepares a frame and then its neighbours for prompts in the background.
+    ///
+    /// The most recently requested frame goes first.
     pub fn prepare(&mut self, frame: usize, segmenter: SegmenterId) {
         let Some(project) = self.project().map(Arc::clone) else {
             return;
@@ -91,7 +93,7 @@ impl Session {
         self.start("prepare", JobKind::ReadAhead, move |context| {
             for (done, of) in frames_around(&project.frames, frame).enumerate() {
                 let ready = match prepared.get(segmenter.as_ref(), of, &store, &context.progress) {
-                    // What is wrong with a neighbour is said where it is shown.
+                    // Problems with a neighbour are reported when it is shown.
                     Err(_) if done > 0 => {
                         context.progress.check()?;
                         continue;
@@ -106,7 +108,7 @@ impl Session {
         });
     }
 
-    /// A prompt for the same label and frame that is still being answered is no longer wanted.
+    /// Discards prompts for the same label and frame that are still being answered.
     fn supersede(&mut self, request: &PromptRequest) {
         let same = JobKind::Prompt {
             frame: request.frame,
@@ -116,8 +118,9 @@ impl Session {
         former.for_each(Job::discard);
     }
 
-    /// Composes an answer into the frame's mask. Where the project changed while the answer was found, the prompt means what
-    /// it means now.
+    /// Composes an answer into the frame's mask.
+    ///
+    /// If the project changed while the answer was computed, the prompt is interpreted again.
     fn take_answer(
         &mut self,
         request: &PromptRequest,
@@ -135,7 +138,9 @@ impl Session {
         self.commit(&format!("Prompt {name} on frame {}", request.frame), edits)
     }
 
-    /// Takes a label off a frame; a frame on which nothing is left is no anchor any more.
+    /// Removes a label from a frame.
+    ///
+    /// A frame without any remaining label is no longer a keyframe.
     fn take_off(&mut self, project: &Project, frame: usize, label: LabelId) -> Result<()> {
         let name = label_name(project, label)?;
         let edits = without_label(project, frame, label)?;
@@ -143,7 +148,7 @@ impl Session {
     }
 }
 
-/// A line that names a frame where its depth cannot be read.
+/// Returns a warning that names the frame if its depth cannot be read.
 pub(super) fn unread_depth(frame: &Frame, store: &FrameStore) -> Result<Option<String>> {
     let depth = readable(store.depth(frame).map_err(SceneError::from))?;
     let unread = depth.is_none().then_some(frame.name.as_str());
@@ -153,10 +158,10 @@ pub(super) fn unread_depth(frame: &Frame, store: &FrameStore) -> Result<Option<S
     ))
 }
 
-/// Where the frames lie that are made ready, counted from the one shown.
+/// Offsets of the frames that are prepared, relative to the one shown.
 const AHEAD: [isize; 5] = [0, 1, -1, 2, -2];
 
-/// A frame and its neighbours, the nearest first.
+/// Returns a frame and its neighbours, the nearest first.
 fn frames_around(frames: &[Frame], at: usize) -> impl Iterator<Item = &Frame> {
     AHEAD
         .into_iter()

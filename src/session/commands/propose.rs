@@ -12,7 +12,9 @@ use ostra_project::SegmenterId;
 use ostra_project::suggestion::unexplained;
 
 impl Session {
-    /// Offers what a segmenter takes for things on a frame, in the place of earlier suggestions; nothing changes.
+    /// Replaces the suggestions by the objects that a segmenter proposes on a frame.
+    ///
+    /// The project does not change.
     pub(crate) fn propose(&mut self, frame: usize, segmenter: SegmenterId) -> Result<JobId> {
         let project = self.snapshot()?;
         let of = project.frame(frame)?.clone();

@@ -10,7 +10,9 @@ use ostra_masks::LabelId;
 use ostra_project::{Edit, range};
 
 impl Session {
-    /// Changes labels over a range of frames, in one step. Pixels of other labels, and labels that are locked, stay.
+    /// Changes labels over a range of frames, in one step.
+    ///
+    /// Pixels of other labels and of locked labels stay unchanged.
     pub(crate) fn change_range(&mut self, request: &RangeRequest) -> Result<Option<JobId>> {
         let project = self.snapshot()?;
         let labels = range::labels_of(&project, request)?;
@@ -23,7 +25,7 @@ impl Session {
         Ok(None)
     }
 
-    /// One step; what the masks show now is there again.
+    /// Commits a change in one step; labels that the masks now show are no longer marked as absent.
     fn commit_range(&mut self, title: &str, mut edits: Vec<Edit>) -> Result<()> {
         ensure!(
             !edits.is_empty(),
@@ -34,7 +36,9 @@ impl Session {
         self.commit(title, edits)
     }
 
-    /// What takes its time; it is made from the masks as they are now, and refused when they change meanwhile.
+    /// Starts a job for a slow change.
+    ///
+    /// It works on the current masks, and the result is rejected if they change in the meantime.
     fn in_a_job(
         &mut self,
         request: &RangeRequest,

@@ -14,12 +14,12 @@ use ostra_core::job::Stopped;
 use ostra_frames::Frame;
 use ostra_project::{Edit, Project, ReconstructMethod, ReconstructRequest, ResultKind};
 
-/// What a reconstruction comes down to.
+/// How a reconstruction is done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Way {
-    /// Poses and depths are there.
+    /// Poses and depths already exist.
     Given,
-    /// Cameras are found where that is wanted, depths are made where that is wanted.
+    /// Cameras are found and depths are made, if requested.
     Made {
         cameras: Option<Finder>,
         depths: bool,
@@ -27,7 +27,7 @@ enum Way {
 }
 
 impl Session {
-    /// Finds cameras that are missing and makes depths by stereo; takes given poses and depths as they are.
+    /// Finds missing cameras and makes depths by stereo; given poses and depths are kept.
     pub(crate) fn reconstruct(&mut self, request: &ReconstructRequest) -> Result<JobId> {
         self.check_no_long_job()?;
         let project = self.snapshot()?;
@@ -90,7 +90,7 @@ impl Session {
         } else {
             String::new()
         };
-        // What has files of its own was made here and stays what it is.
+        // Results with files of their own were made here and stay unchanged.
         let was_made = |kind| {
             project
                 .results
@@ -160,7 +160,8 @@ fn way(project: &Project, request: &ReconstructRequest) -> Result<Way> {
             cameras: Some(Finder::Sfm(Poses::Anew)),
             depths: false,
         }),
-        // Cameras that are there are enough: a frame that was left out before does not let all be looked for again.
+        // Existing cameras are sufficient. A frame that was left out before does not cause a new
+        // search for all.
         ReconstructMethod::Mvs => {
             let cameras = missing.filter(|_| posed < 2).map(Finder::Sfm);
             Ok(Way::Made {
@@ -185,7 +186,7 @@ fn way(project: &Project, request: &ReconstructRequest) -> Result<Way> {
     }
 }
 
-/// Whether all frames have depth of a sensor whose intrinsics were given.
+/// Returns whether all frames have sensor depth and given intrinsics.
 fn is_rgbd(project: &Project) -> bool {
     let known = |frame: &Frame| {
         frame

@@ -11,7 +11,7 @@ use ostra_frames::{Frame, check_source, sources, sources_mut};
 use ostra_project::Edit;
 use ostra_project::store::joined;
 
-/// How many folders of sources a message names.
+/// Maximum number of source folders that a message names.
 const NAMED: usize = 3;
 
 impl Session {
@@ -53,24 +53,25 @@ impl Session {
     }
 }
 
-/// The path as a project records it: absolute, without `..`.
+/// Returns the path as a project records it: absolute, without `..`.
 fn plain(path: &Path) -> Result<PathBuf> {
     let absolute =
         absolute(path).with_context(|| format!("{}: cannot be a path", path.display()))?;
     Ok(joined(Path::new(""), &absolute))
 }
 
-/// What becomes of a frame.
+/// Result of relocating a frame.
 enum Moved {
     To(Box<Frame>),
-    /// This file of it is not at the new place.
+    /// This file of the frame does not exist at the new place.
     Missing(PathBuf),
-    /// None of its sources was below the old place.
+    /// None of the frame's sources was below the old place.
     Not,
 }
 
-/// The frame with the sources that were below `from` below `to`. Every file there must be one that the frame can have been
-/// made of.
+/// Returns the frame with the sources that were below `from` moved to `to`.
+///
+/// Every new file must be one from which the frame can have been made.
 fn moved(frame: &Frame, from: &Path, to: &Path) -> Result<Moved> {
     let place = |path: &Path| {
         let path = joined(Path::new(""), path);
@@ -103,7 +104,7 @@ fn moved(frame: &Frame, from: &Path, to: &Path) -> Result<Moved> {
     })
 }
 
-/// The first folders that frames are read from.
+/// Returns the first folders that frames are read from, as text.
 fn folders(frames: &[Frame]) -> String {
     let all: BTreeSet<&Path> = frames
         .iter()

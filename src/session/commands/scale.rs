@@ -10,12 +10,14 @@ use ostra_core::job::JobId;
 use ostra_geometry::{Sighting, triangulate};
 use ostra_project::{Project, ResultKind, ScaleEnd, ScaleRequest};
 
-/// How many times larger or smaller one step, and all steps together, may make the scene: positions are 32-bit floats.
+/// Maximum factor of one step, and of all steps together, because positions are 32-bit floats.
 const LARGEST_STEP: f64 = 1e6;
 const LARGEST: f64 = 1e12;
 
 impl Session {
-    /// Makes cameras, depths, points and surfaces larger or smaller until a length in the scene is what it is known to be.
+    /// Scales cameras, depths, points and surfaces.
+    ///
+    /// Afterwards, a length in the scene has its known value.
     pub(crate) fn scale(&mut self, request: &ScaleRequest) -> Result<JobId> {
         self.check_no_long_job()?;
         let project = self.snapshot()?;
@@ -65,7 +67,7 @@ impl Session {
     }
 }
 
-/// What lengths are multiplied by.
+/// Returns the factor by which lengths are multiplied.
 fn factor(project: &Project, request: &ScaleRequest) -> Result<f64> {
     ensure!(
         request.length > 0.0 && request.length.is_finite(),

@@ -25,7 +25,7 @@ use ostra_project::{
     Coordinates, Edit, FrameMask, FuseRequest, MaskOrigin, Project, ResultKind, ResultRecord,
 };
 
-/// A project's lengths are multiplied: what from, what by, and the number of the files that hold the results.
+/// Inputs for scaling a project: the factor, and the number of the files for the scaled results.
 pub(super) struct Scaling {
     pub(super) project: Arc<Project>,
     pub(super) root: PathBuf,
@@ -33,31 +33,33 @@ pub(super) struct Scaling {
     pub(super) version: u64,
 }
 
-/// Scaled results, on the disk already.
+/// Scaled results, already written to disk.
 pub(super) struct ScaledResults {
-    /// The frames with their cameras and depths.
+    /// Frames with their scaled cameras and depths.
     frames: Vec<Frame>,
-    /// Whether stereo's depth maps were written.
+    /// Whether depth maps of stereo were written.
     has_depths: bool,
-    /// The cloud with its surface, where there is one that belongs to the cameras.
+    /// The cloud with its surface, if there is one that belongs to the cameras.
     pub(super) cloud: Option<ScaledCloud>,
     pub(super) warnings: Vec<String>,
 }
 
-/// A scaled cloud, and what its record says of it.
+/// A scaled cloud, with values for its record.
 pub(super) struct ScaledCloud {
     pub(super) cloud: LabelledCloud,
     pub(super) votes: Option<Votes>,
-    /// What its lengths were multiplied by.
+    /// Factor by which its lengths were multiplied.
     factor: f64,
     geometry: Option<String>,
 }
 
 impl Scaling {
-    /// Writes every result that has files under the new number. Nothing of the project changes yet.
+    /// Writes every result that has files under the new number, without changing the project.
     ///
     /// # Errors
-    /// Where a file of a result is gone or damaged, or one cannot be written; when stopped.
+    ///
+    /// Returns an error if a file of a result is missing or damaged, a file cannot be written, or
+    /// the progress is stopped.
     pub(super) fn write(&self, progress: &Progress) -> Result<ScaledResults> {
         let mut frames: Vec<Frame> = self
             .project
@@ -112,8 +114,9 @@ impl Scaling {
         save_links(&folder, &load_links(&source)?)
     }
 
-    /// Writes scaled copies of the depth maps that stereo made; whether there are any. Frames of `scaled` whose map cannot be
-    /// read lose it, with a warning.
+    /// Writes scaled copies of the stereo depth maps, and returns whether there are any.
+    ///
+    /// Frames of `scaled` whose map cannot be read lose it, with a warning.
     fn write_depths(
         &self,
         scaled: &mut [Frame],
@@ -168,7 +171,7 @@ impl Scaling {
             .for_each(|&(number, _)| scaled[number].depth = None);
         if let Some(before) = version_in_force(&self.project, ResultKind::Depths) {
             let account = DepthFolder::new(&self.root, before, frames).load_account()?;
-            // No run goes on from these: they are whole.
+            // No run resumes from these depth maps, because they are complete.
             let account = DepthAccount {
                 key: format!("{} times {}", account.key, self.factor),
                 ..account
@@ -178,7 +181,9 @@ impl Scaling {
         Ok(true)
     }
 
-    /// Writes the scaled cloud with its votes and surface; `None` where there is none that belongs to the cameras.
+    /// Writes the scaled cloud with its votes and surface.
+    ///
+    /// Returns `None` if there is no cloud that belongs to the cameras.
     fn write_cloud(
         &self,
         frames: &[Frame],
@@ -229,7 +234,10 @@ impl Scaling {
         }))
     }
 
-    /// What brings the cloud to the new size of the cameras; `None` where it stands in other coordinates than they do.
+    /// Returns the factor that scales the cloud to the new size of the cameras.
+    ///
+    /// Returns `None` if the cloud and the cameras have different coordinates, or if the project
+    /// has sensor depth.
     fn cloud_factor(&self) -> Option<f64> {
         let (now, cloud) = (
             self.project.coordinates(),
@@ -244,7 +252,9 @@ impl Scaling {
         (cloud.world == now.world && !has_sensor).then_some(same)
     }
 
-    /// The digest of all that the scaled cloud would be made of now; `None` where the cloud of before would be made otherwise.
+    /// Returns the geometry digest of the scaled cloud.
+    ///
+    /// Returns `None` if the inputs of the cloud had already changed before scaling.
     fn geometry(
         &self,
         record: &ResultRecord,
@@ -266,8 +276,10 @@ impl Scaling {
 }
 
 impl ScaledResults {
-    /// The edits that put everything in force on a project which still has the frames and files of before. Nothing becomes
-    /// stale by them: what fitted before fits as before.
+    /// Returns the edits that apply the scaled results to the project.
+    ///
+    /// The project must still have the same frames and files. Nothing becomes stale, because the
+    /// results still fit each other.
     pub fn edits(&self, scaling: &Scaling, now: &Project) -> Vec<Edit> {
         let numbered = || self.frames.iter().enumerate();
         let origin = now.origin * scaling.factor;
@@ -400,9 +412,11 @@ fn scaled_cloud_record(
     }
 }
 
-/// A cloud that keeps its size: it is stale, and has no unit unless it had one of its own.
+/// Returns the record of a cloud that keeps its size.
+///
+/// The cloud is stale, and has no unit unless it had its own coordinates.
 fn unscaled_cloud_record(record: &ResultRecord, now: &Project) -> ResultRecord {
-    // A number of no result: whatever comes later does not share these coordinates.
+    // No result has this number as its world, so no later result shares these coordinates.
     let unknown = Coordinates {
         world: record.version,
         scale: 1.0,

@@ -30,21 +30,24 @@ use ostra_reconstruct::stereo::{
     estimate_depths, sparse_from_cameras,
 };
 
-/// What stereo works on.
+/// Inputs of stereo.
 pub(super) struct StereoWork {
     pub project: Arc<Project>,
     pub root: std::path::PathBuf,
     pub store: Arc<FrameStore>,
     pub request: ReconstructRequest,
-    /// Number of a new folder, where no earlier run can be gone on with.
+    /// Number of a new folder, used if no earlier run can be resumed.
     pub version: u64,
 }
 
-/// Depth maps by stereo for the chosen frames. Stopped or killed, what it made so far lies on the disk, and a run that is
-/// asked for the same goes on from there; the depths that stood before stand until it is done.
+/// Makes depth maps by stereo for the chosen frames.
+///
+/// If the run is stopped or killed, its results so far stay on disk, and a run with the same inputs
+/// resumes from them. The previous depths are kept until the run has finished.
 ///
 /// # Errors
-/// Where no frame can have depth, a result cannot be kept, or it was stopped.
+///
+/// Returns an error if no frame can get depth, a result cannot be saved, or the run was stopped.
 pub(super) fn make_depths(work: StereoWork, context: &JobContext<Session>) -> Result<()> {
     let begun = Instant::now();
     let StereoWork {
@@ -147,8 +150,10 @@ impl Session {
     }
 }
 
-/// Does the work on the device that is asked for. Where `auto` took a graphics card that fails in the middle, what is left
-/// is done on the processor, and a warning says so.
+/// Runs the work on the requested device.
+///
+/// If `auto` selected a GPU that fails during the work, the rest is done on the CPU, with a
+/// warning.
 fn on_device(
     device: DeviceId,
     warnings: &mut Vec<String>,
@@ -170,10 +175,11 @@ fn on_device(
     }
 }
 
-/// Returns what PatchMatch runs on.
+/// Returns the engine that PatchMatch runs on.
 ///
 /// # Errors
-/// For `gpu` where nothing can stand for a graphics card.
+///
+/// Returns an error if the device is `gpu` and there is neither a GPU nor a software substitute.
 fn engine(device: DeviceId, warnings: &mut Vec<String>) -> Result<Engine> {
     match device {
         DeviceId::Cpu => Ok(Engine::Cpu),
@@ -189,7 +195,7 @@ fn engine(device: DeviceId, warnings: &mut Vec<String>) -> Result<Engine> {
     }
 }
 
-/// What a graphics card said that failed in the middle of the work.
+/// Returns the error message of a GPU that failed during the work.
 fn card_failed(error: &anyhow::Error) -> Option<String> {
     match error.downcast_ref() {
         Some(StereoError::Gpu(error)) => Some(error.to_string()),
@@ -197,7 +203,7 @@ fn card_failed(error: &anyhow::Error) -> Option<String> {
     }
 }
 
-/// Every n-th frame without a sensor's depth.
+/// Returns every n-th frame, without those that have sensor depth.
 fn chosen(frames: &[Frame], request: &ReconstructRequest) -> Result<Vec<usize>> {
     let open = |&frame: &usize| !frames[frame].has_sensor_depth();
     let views: Vec<usize> = (0..frames.len())
@@ -219,7 +225,10 @@ fn options(request: &ReconstructRequest) -> StereoOptions {
     }
 }
 
-/// What the depths depend on: cameras and pictures, which views, how; and which pixels, where only labelled ones count.
+/// Returns a digest of the inputs of the depths.
+///
+/// These are the cameras, images, views and options, and the labelled pixels if only these are
+/// used.
 fn key(
     project: &Project,
     views: &[usize],
@@ -251,7 +260,7 @@ fn key(
         .collect())
 }
 
-/// The newest version that was begun the same way and not finished.
+/// Returns the newest unfinished version with the same inputs.
 fn unfinished(root: &Path, project: &Project, key: &str) -> Option<u64> {
     let is_begun = |version: &u64| {
         let account = DepthFolder::new(root, *version, &project.frames).load_account();
@@ -302,8 +311,10 @@ fn labelled(ids: &[LabelId]) -> Vec<bool> {
     ids.iter().map(|&id| id != LabelId::NONE).collect()
 }
 
-/// The points that cameras were found with; where some of the views were not (given cameras, frames placed between), what
-/// all see in common, kept for a run that goes on.
+/// Returns the sparse points for stereo.
+///
+/// These are the points that cameras were found with. If some views have none (given cameras,
+/// frames registered later), points are triangulated from features, and saved for a resumed run.
 fn sparse_points(
     project: &Project,
     root: &Path,
@@ -366,7 +377,7 @@ fn settings(views: &[usize], made: &[bool], options: &StereoOptions, engine: &En
     )
 }
 
-/// One line per view without depth, up to a number.
+/// Returns one line per view without depth, up to a maximum number.
 fn views_without_depth(frames: &[Frame], outcomes: &BTreeMap<usize, ViewOutcome>) -> Vec<String> {
     let failed = outcomes
         .iter()

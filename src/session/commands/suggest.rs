@@ -17,17 +17,17 @@ use ostra_project::Project;
 use ostra_project::suggestion::Reason;
 use ostra_tracking::flow::{FlowOptions, moving_apart};
 
-/// Frames looked at, spread over those with masks.
+/// Maximum number of frames that are searched, spread over those with masks.
 const LOOKED_AT: usize = 16;
-/// How far away the frame lies against which motion is measured.
+/// Distance in frames over which motion is measured.
 const APART: usize = 3;
-/// Most suggestions.
+/// Maximum number of suggestions.
 const MOST: usize = 8;
-/// Overlap from which on areas of neighbouring looks are one thing.
+/// Minimum overlap at which areas on neighbouring searched frames count as the same object.
 const SAME_IOU: f64 = 0.15;
 
 impl Session {
-    /// Looks for things that no label explains on frames with masks.
+    /// Searches frames with masks for unlabelled objects.
     pub(crate) fn suggest(&mut self) -> Result<JobId> {
         let (project, store) = (self.snapshot()?, Arc::clone(&self.store));
         ensure!(
@@ -46,14 +46,14 @@ impl Session {
         )
     }
 
-    /// What the last search for unexplained things found, the most telling first.
+    /// Returns the unlabelled objects of the last search, the most significant first.
     #[must_use]
     pub fn suggestions(&self) -> &[Suggestion] {
         &self.suggestions
     }
 }
 
-/// Images and depths that cannot be read are passed over; a line names their frames.
+/// Returns the suggestions, and a warning about frames whose image or depth cannot be read.
 fn suggestions(
     project: &Project,
     store: &FrameStore,
@@ -115,7 +115,9 @@ fn suggestions(
     ))
 }
 
-/// What no label of a frame explains: by motion towards a frame nearby, and by depth where there is some. Frames whose
+/// Returns the unlabelled objects of a frame.
+///
+/// They are found by motion relative to a nearby frame, and by depth if there is any. Frames whose
 /// image or depth cannot be read are added to `unread`.
 fn unexplained_on(
     project: &Project,

@@ -15,14 +15,16 @@ use ostra_project::store::{DepthFolder, mesh_path, mesh_votes_path, version_in_f
 use ostra_project::voted_cloud::save_votes;
 use ostra_project::{FuseRequest, Project, ResultKind};
 
-/// Memory for the voxels of a surface whose voxel size nobody gave.
+/// Memory for the voxels of a surface whose voxel size is not given.
 const DEFAULT_BYTES: usize = 256 << 20;
-/// Blocks of voxels for each cell of their size that a surface passes through: those within the truncation belong to it too.
+/// Voxel blocks per block-sized cell that a surface crosses.
+///
+/// Blocks within the truncation distance belong to the surface too.
 const BLOCKS_PER_CELL: f64 = 2.0;
-/// What a voxel size is multiplied by where it takes more than twice that memory all the same.
+/// Factor for the voxel size if a surface still needs more than twice that memory.
 const COARSER: f64 = 1.5;
 
-/// What a surface is made of.
+/// Inputs of a surface.
 pub(super) struct Sources<'a> {
     pub(super) store: &'a FrameStore,
     pub(super) root: &'a Path,
@@ -32,17 +34,19 @@ pub(super) struct Sources<'a> {
 
 /// A surface that was made, or why there is none.
 pub(super) enum Made {
-    /// Its voxels have this edge.
+    /// A surface with this voxel size.
     Surface { voxel: f64 },
-    /// There is none; why, where one was to be expected.
+    /// No surface; the reason is given if a surface was to be expected.
     Nothing(Option<String>),
 }
 
 impl Sources<'_> {
-    /// Makes the surface of the frames' depths beside a cloud, lets the masks vote on its vertices, and saves it.
+    /// Makes the surface from the frames' depths, labels its vertices by vote, and saves it.
     ///
     /// # Errors
-    /// A stop; what reading a frame or writing the file says.
+    ///
+    /// Returns an error if a frame cannot be read, the file cannot be written, or the progress is
+    /// stopped.
     pub(super) fn make_surface(
         &self,
         version: u64,
@@ -92,7 +96,8 @@ impl Sources<'_> {
         };
         let surface = loop {
             match reconstruct_surface(&views, &options, progress) {
-                // A size that nobody asked for may be larger: few frames were looked at to choose it.
+                // A size that was not requested may be increased, because it was chosen from a few
+                // frames.
                 Err(SceneError::TooLarge { .. }) if self.request.voxel.is_none() => {
                     options.voxel *= COARSER;
                 }
@@ -115,7 +120,10 @@ impl Sources<'_> {
         })
     }
 
-    /// The edge asked for; otherwise what a pixel of the depth maps covers, or more where that takes much memory.
+    /// Returns the voxel size of the surface.
+    ///
+    /// It is the requested size. Otherwise it is the size that a pixel of the depth maps covers, or
+    /// more if that would need too much memory.
     fn voxel(&self, views: &ProjectViews<'_>, progress: &Progress) -> Result<Option<f64>> {
         if self.request.voxel.is_some() {
             return Ok(self.request.voxel);
@@ -182,7 +190,7 @@ impl Sources<'_> {
     }
 }
 
-/// Saves a surface and who voted for its vertices, so that they can be asked again.
+/// Saves a surface and the votes on its vertices, so that they can vote again.
 pub(super) fn save_surface(
     root: &Path,
     version: u64,
@@ -194,7 +202,7 @@ pub(super) fn save_surface(
     save_votes(&mesh_votes_path(root, version), votes)
 }
 
-/// The version of the depth maps, where stereo made all that there are.
+/// Returns the version of the depth maps if stereo made all depths of the project.
 pub(super) fn stereo_version(project: &Project) -> Option<u64> {
     let measured = project.frames.iter().any(Frame::has_sensor_depth);
     let made = project.frames.iter().any(|frame| frame.depth.is_some());

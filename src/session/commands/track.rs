@@ -17,7 +17,7 @@ use ostra_project::LabelChoice;
 use ostra_project::mask_edits::label_name;
 use ostra_project::{Edit, FrameMask, ResultKind, TrackerId};
 
-/// Tracked frames are gathered this long before they are saved together.
+/// Time for which tracked frames are collected before they are saved together.
 const GATHERED: Duration = Duration::from_millis(300);
 
 impl Session {
@@ -36,7 +36,7 @@ impl Session {
             let mut emit = |tracked: TrackedFrame| {
                 let preliminary = tracked.preliminary;
                 let (frame, mask) = carried(tracked);
-                // Where nobody takes it any more, the tracker notices the stop by itself.
+                // If the frame is no longer accepted, the tracker notices the stop itself.
                 let _ = context.send(move |session| session.gather(frame, mask, preliminary));
             };
             let warnings = tracker.track(&request, &mut emit, &context.progress)?;
@@ -85,7 +85,7 @@ impl Session {
         self.save_tracked(false)
     }
 
-    /// What is told of a run that ended by itself.
+    /// Returns the event for a run that paused itself.
     pub(crate) fn paused(&self, job: JobId) -> Option<Event> {
         let Pause {
             frame,
@@ -105,7 +105,9 @@ impl Session {
         })
     }
 
-    /// Makes the gathered frames part of the run's step: from time to time, and `at_end` the rest.
+    /// Adds the collected frames to the run's step.
+    ///
+    /// This happens at intervals, and with `at_end` for all remaining frames.
     pub(crate) fn save_tracked(&mut self, at_end: bool) -> Result<()> {
         let Some(run) = self
             .track
@@ -147,7 +149,7 @@ impl Session {
         Ok(())
     }
 
-    /// Saves what a run brought, and forgets the run: its job ended.
+    /// Saves the remaining frames of a run whose job ended, and forgets the run.
     pub(crate) fn end_track(&mut self, job: JobId) -> Result<()> {
         if self.track.as_ref().is_none_or(|run| !run.is_of(job)) {
             return Ok(());

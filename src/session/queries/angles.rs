@@ -9,7 +9,7 @@ use ostra_cloud::{LabelledCloud, SceneError};
 use ostra_core::job::{Progress, Stopped};
 use ostra_masks::LabelId;
 
-/// By the two labels, the angles between their pieces, or why there is none.
+/// The angles between the pieces of two labels, or why there are none, by the pair of labels.
 pub type Angles = BTreeMap<[LabelId; 2], Result<Vec<TraitRow>, String>>;
 
 /// Pairs of labels of a cloud.
@@ -27,16 +27,17 @@ impl QueryKey for AnglesKey {
         JobKind::Short
     }
 
-    /// The pairs that are known already.
+    /// Known pairs are shown until the others are measured.
     fn serves(&self, wanted: &Self) -> bool {
         self.of == wanted.of
     }
 }
 
-/// Measures the angles between pairs of labels, but for those that are known already.
+/// Measures the angles between pairs of labels that are not known yet.
 ///
 /// # Errors
-/// A stop.
+///
+/// Returns an error if the progress is stopped.
 pub(crate) fn find_angles(
     cloud: &LabelledCloud,
     pairs: &BTreeSet<[LabelId; 2]>,

@@ -21,15 +21,16 @@ pub(crate) struct Snapshot {
     pub(crate) project: Arc<Project>,
     pub(crate) root: PathBuf,
     pub(crate) store: Arc<FrameStore>,
-    /// The project's cloud, where it is in memory with its votes.
+    /// The project's cloud, if it is in memory with its votes.
     pub(crate) loaded: Option<(CloudState, VotedCloud)>,
 }
 
 impl Snapshot {
-    /// A version of the project's cloud: the one in memory, else from the disk.
+    /// Returns a version of the project's cloud, from memory or else from disk.
     ///
     /// # Errors
-    /// As [`VotedCloud::read`].
+    ///
+    /// Returns the errors of [`VotedCloud::read`].
     pub(crate) fn voted_cloud(&self, version: u64, progress: &Progress) -> Result<VotedCloud> {
         match &self.loaded {
             Some((state, voted)) if state.version == version => Ok(voted.clone()),
@@ -38,16 +39,16 @@ impl Snapshot {
     }
 }
 
-/// A state of the project's cloud, for what is made of it.
+/// A state of the project's cloud, as part of the keys of values derived from it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct CloudState {
     /// Version of the result.
     pub(crate) version: u64,
-    /// Round of voting since; 0 = labelled as it was fused.
+    /// Round of voting since then; 0 means labelled as it was fused.
     pub(crate) round: u64,
 }
 
-/// Which cloud: a version of the project's, or `None` for the PLY that is inspected.
+/// A version of the project's cloud, or `None` for the inspected PLY.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct CloudKey(pub(crate) Option<u64>);
 
@@ -64,7 +65,7 @@ impl QueryKey for CloudKey {
 pub(crate) struct LoadedCloud {
     pub(crate) round: u64,
     pub(crate) cloud: Arc<LabelledCloud>,
-    /// `None` for a PLY that is inspected, and where they cannot be read.
+    /// Votes; `None` for an inspected PLY and if they cannot be read.
     pub(crate) votes: Option<Arc<Votes>>,
 }
 
@@ -77,11 +78,11 @@ impl LoadedCloud {
     }
 }
 
-/// The labelled cloud that was loaded or made last.
+/// The labelled cloud that was last loaded or made.
 #[derive(Default)]
 pub(crate) struct CloudQuery {
     pub(crate) loaded: Query<CloudKey, LoadedCloud>,
-    /// How often points voted again.
+    /// Number of votes since the start.
     rounds: u64,
 }
 
@@ -95,7 +96,9 @@ impl CloudQuery {
         self.loaded.put(CloudKey(version), Arc::new(loaded));
     }
 
-    /// Puts a cloud whose points voted again in the place of that with the votes `before`; whether that was still there.
+    /// Replaces the cloud with the votes `before` by one that voted again.
+    ///
+    /// Returns whether that cloud was still in memory.
     pub(crate) fn revote(&mut self, before: &Arc<Votes>, voted: VotedCloud) -> bool {
         let key = self.loaded.latest().and_then(|(key, loaded)| {
             let votes = loaded.votes.as_ref()?;
@@ -114,7 +117,9 @@ impl CloudQuery {
         true
     }
 
-    /// The state of the project's cloud of this version; of one that is not in memory, as it was fused.
+    /// Returns the state of the project's cloud of this version.
+    ///
+    /// A cloud that is not in memory is in the state in which it was fused.
     pub(crate) fn state(&self, version: u64) -> CloudState {
         let loaded = self.loaded.known(&CloudKey(Some(version)));
         CloudState {
@@ -123,16 +128,17 @@ impl CloudQuery {
         }
     }
 
-    /// The project's cloud of this version with its votes, where it is in memory.
+    /// Returns the project's cloud of this version with its votes, if it is in memory.
     pub(crate) fn voted(&self, version: u64) -> Option<VotedCloud> {
         self.loaded.known(&CloudKey(Some(version)))?.value.voted()
     }
 }
 
-/// Reads a version of the project's cloud; a warning says where it has no votes.
+/// Reads a version of the project's cloud; a warning reports missing votes.
 ///
 /// # Errors
-/// When the file of the cloud is missing or damaged.
+///
+/// Returns an error if the file of the cloud is missing or damaged.
 pub(crate) fn load_cloud(
     snapshot: &Snapshot,
     key: &CloudKey,

@@ -12,7 +12,7 @@ use ostra_masks::RunMask;
 use ostra_project::Project;
 use ostra_project::voted_cloud::VotedCloud;
 
-/// By frame number, how much each mask contradicts the vote of all.
+/// Conflict of each mask with the vote of all frames, by frame number.
 pub(crate) type Conflicts = BTreeMap<usize, FrameDoubt>;
 
 /// The masks of the frames that voted, and the cloud they are compared with.
@@ -52,16 +52,19 @@ impl QueryKey for ConflictsKey {
     const TITLE: &'static str = "compare masks";
     const EVENT: Option<Event> = Some(Event::DoubtsChanged);
 
-    /// The conflicts with an earlier round of voting stand until those of now are there.
+    /// Conflicts with an earlier round of voting are shown until the new ones are ready.
     fn serves(&self, wanted: &Self) -> bool {
         self.cloud.version == wanted.cloud.version
     }
 }
 
-/// Compares the masks with the vote; only those that changed where the cloud is the same as `before`.
+/// Compares the masks with the vote.
+///
+/// If the cloud is the same as `before`, only changed masks are compared.
 ///
 /// # Errors
-/// A stop.
+///
+/// Returns an error if the progress is stopped.
 pub(crate) fn find_conflicts(
     voted: &VotedCloud,
     key: &ConflictsKey,

@@ -12,16 +12,18 @@ use ostra_cloud::instances::Instances;
 use ostra_core::job::Progress;
 use ostra_masks::{Label, LabelId, LabelTree};
 
-/// Instances as they would be made, to be looked at before they are.
+/// Instances that would be created, for preview.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProposedInstances {
-    /// The label of each with its number of points, the largest first; none where nothing hangs together.
+    /// Label and number of points of each instance, the largest first.
+    ///
+    /// It is empty if no points are connected.
     pub labels: Vec<(Label, usize)>,
     /// The cloud as it would be labelled.
     pub cloud: Arc<LabelledCloud>,
 }
 
-/// A state of the cloud, and how it is told apart into instances.
+/// A state of the cloud, and how it is divided into instances.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct InstancesKey {
     pub(crate) cloud: CloudState,
@@ -37,10 +39,11 @@ impl QueryKey for InstancesKey {
     }
 }
 
-/// Looks for instances in the cloud as the masks label it now.
+/// Finds instances in the cloud with the labels of the current masks.
 ///
 /// # Errors
-/// When a file of the cloud is missing or damaged, or the request does not fit it.
+///
+/// Returns an error if a file of the cloud is missing or damaged, or the request does not fit it.
 pub(crate) fn propose_instances(
     snapshot: &Snapshot,
     key: &InstancesKey,
@@ -67,18 +70,19 @@ fn proposal(cloud: &LabelledCloud, found: FoundInstances) -> Result<ProposedInst
     })
 }
 
-/// Instances of a label, and what they would change.
+/// Instances of a label, and the points that they would change.
 pub(crate) struct FoundInstances {
-    /// Their labels, the largest first.
+    /// Labels of the instances, the largest first.
     pub(crate) labels: Vec<Label>,
-    /// Points of each.
+    /// Number of points of each instance.
     pub(crate) sizes: Vec<usize>,
-    /// Along the points of the cloud: the new label of those that belong to one.
+    /// New label of each point of the cloud that belongs to an instance.
     pub(crate) choice: Vec<Option<LabelId>>,
 }
 
-/// Looks for instances among the points that carry the label itself. The preview and the command both call this, so that what is
-/// proposed is what is made.
+/// Finds instances among the points that have exactly this label.
+///
+/// Preview and command both call this function, so that the result matches the preview.
 pub(crate) fn find_instances(
     tree: &LabelTree,
     cloud: &LabelledCloud,
@@ -107,7 +111,9 @@ pub(crate) fn find_instances(
     })
 }
 
-/// New labels below one: `wheel 1`, `wheel 2`, …; numbers whose name is taken are passed over.
+/// Returns new child labels of a label: `wheel 1`, `wheel 2`, …
+///
+/// Numbers whose names are taken are skipped.
 fn children(tree: &LabelTree, parent: LabelId, count: usize) -> Result<Vec<Label>> {
     let mut tree = tree.clone();
     let stem = tree.get(parent).context("the label is gone")?.name.clone();

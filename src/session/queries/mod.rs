@@ -1,5 +1,7 @@
-//! Values that take time and that panels show: each file has the key of a [`Query`](crate::query::Query) and the pure
-//! function that makes its value.
+//! Slow values that panels show.
+//!
+//! Each file has the key of a [`Query`](crate::query::Query) and the pure function that computes
+//! its value.
 
 mod angles;
 mod cloud;

@@ -13,21 +13,22 @@ use ostra_project::prompt::PromptMeaning;
 impl QueryKey for PromptRequest {
     const TITLE: &'static str = "preview prompt";
 
-    /// Work on another prompt goes on: it prepares the frame for all.
+    /// Work on another prompt continues, because it prepares the frame for all prompts.
     fn is_obsolete(&self, _wanted: &Self) -> bool {
         false
     }
 }
 
-/// What a prompt is answered with.
+/// Tools that answer a prompt.
 pub(crate) struct PromptTools {
     pub(crate) segmenter: Arc<dyn Segmenter>,
     pub(crate) prepared: Arc<PreparedFrames>,
     pub(crate) store: Arc<FrameStore>,
 }
 
-/// The pixels that a prompt would get, as a mask of its label. `None` where it cannot be answered: that is reported when
-/// the prompt is sent.
+/// Returns the pixels that a prompt would select, as a mask of its label.
+///
+/// Returns `None` if the prompt cannot be answered. The error is reported when the prompt is sent.
 pub(crate) fn preview_prompt(
     project: &Project,
     request: &PromptRequest,

@@ -8,8 +8,9 @@ use ostra_cloud::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_project::Project;
 
-/// The steps that choose points of a cloud; the points follow from them in the background. The steps are also what a command
-/// carries, so that a recipe makes the same selection on another cloud.
+/// The steps that select points of a cloud, from which the background computes the points.
+///
+/// Commands contain the steps too, so that a recipe makes the same selection in another cloud.
 #[derive(Clone)]
 pub(crate) struct SelectionKey {
     cloud: Weak<LabelledCloud>,
@@ -24,7 +25,7 @@ impl SelectionKey {
         }
     }
 
-    /// Whether points of this cloud are chosen.
+    /// Returns whether points of this cloud are selected.
     pub(crate) fn is_in(&self, cloud: &Arc<LabelledCloud>) -> bool {
         std::ptr::eq(self.cloud.as_ptr(), Arc::as_ptr(cloud))
     }
@@ -39,23 +40,24 @@ impl PartialEq for SelectionKey {
 impl QueryKey for SelectionKey {
     const TITLE: &'static str = "Select points";
 
-    /// Work on other steps goes on: it makes the cloud ready for all.
+    /// Work on other steps continues, because it prepares the cloud for all steps.
     fn is_obsolete(&self, wanted: &Self) -> bool {
         !Weak::ptr_eq(&self.cloud, &wanted.cloud)
     }
 }
 
-/// A cloud that was made ready, and what the steps choose in it.
+/// A prepared cloud, and the points that the steps select in it.
 pub(crate) struct ChosenPoints {
     pub(crate) selector: Option<Arc<Selector>>,
-    /// Or why they choose nothing.
+    /// The selection, or why it failed.
     pub(crate) selection: Result<Arc<Selection>, String>,
 }
 
-/// Chooses points of a cloud, with a `selector` that was made ready for it before where there is one.
+/// Selects points of a cloud, with its prepared `selector` if there is one.
 ///
 /// # Errors
-/// A stop.
+///
+/// Returns an error if the progress is stopped.
 pub(crate) fn choose_points(
     cloud: &Arc<LabelledCloud>,
     selector: Option<Arc<Selector>>,

@@ -13,14 +13,14 @@ use ostra_project::store::{load_links, load_outcomes, read_sparse, sparse_path};
 use ostra_reconstruct::rgbd::FrameLink;
 use ostra_reconstruct::sfm::Outcome;
 
-/// What the cameras were found with.
+/// The sparse reconstruction of the cameras.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SparseModel {
     /// Points, and the keypoints that see them.
     pub points: SparsePoints,
-    /// By frame number, what became of it.
+    /// Outcome of each frame, by frame number.
     pub outcomes: BTreeMap<usize, Outcome>,
-    /// What ties frames together, where depth does, by rising numbers.
+    /// Links between frames by depth, in ascending order of their numbers.
     pub links: Vec<FrameLink>,
     /// The points as a cloud without labels.
     pub cloud: Arc<LabelledCloud>,
@@ -28,7 +28,7 @@ pub struct SparseModel {
 }
 
 impl SparseModel {
-    /// From points, what became of the frames, and what ties them together where points do not.
+    /// Creates the model from points, outcomes of the frames, and links between them.
     #[must_use]
     pub fn new(
         points: SparsePoints,
@@ -62,7 +62,7 @@ impl SparseModel {
         }
     }
 
-    /// The frames that see points of this one, with how many; the one with most first.
+    /// Returns the frames that share points with this one, and how many, in descending order.
     #[must_use]
     pub fn neighbours(&self, frame: usize) -> Vec<(usize, usize)> {
         let shared = self.shared.get(&frame).into_iter().flatten();
@@ -72,7 +72,9 @@ impl SparseModel {
         ranked
     }
 
-    /// The links of this frame, those that hold and agree best first, each with the frame at its other end.
+    /// Returns the links of a frame, each with the frame at its other end.
+    ///
+    /// Links that hold and are most consistent come first.
     #[must_use]
     pub fn linked(&self, frame: usize) -> Vec<(usize, FrameLink)> {
         let own = self
@@ -89,7 +91,7 @@ impl SparseModel {
         linked
     }
 
-    /// Where two frames see the same point: pixel in the one, pixel in the other, and the point's number.
+    /// Returns the points that two frames both see: pixel in each frame, and the point's number.
     #[must_use]
     pub fn matches(&self, first: usize, second: usize) -> Vec<(DVec2, DVec2, u32)> {
         let keypoints = |frame| self.points.keypoints.get(&frame).into_iter().flatten();
@@ -113,10 +115,11 @@ impl QueryKey for SparseKey {
     const EVENT: Option<Event> = Some(Event::SparseChanged);
 }
 
-/// Reads what the cameras were found with.
+/// Reads the sparse reconstruction.
 ///
 /// # Errors
-/// When a file is damaged.
+///
+/// Returns an error if a file is damaged.
 pub(crate) fn load_sparse_model(snapshot: &Snapshot, key: &SparseKey) -> Result<SparseModel> {
     let points = read_sparse(&snapshot.root, &snapshot.project)?;
     let folder = sparse_path(&snapshot.root, key.version);

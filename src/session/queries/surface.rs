@@ -10,12 +10,12 @@ use ostra_core::job::Progress;
 use ostra_project::store::{mesh_path, mesh_votes_path};
 use ostra_project::voted_cloud::{NOT_KEPT, read_votes_on, relabelled_mesh};
 
-/// What can be drawn of a result besides its points.
+/// A surface of a result that can be drawn besides its points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Surface {
-    /// The mesh, every triangle in one label.
+    /// The mesh, where every triangle has one label.
     Mesh,
-    /// The outer faces of the cubes that hold points, as large as those the mesh was made with.
+    /// The outer faces of the voxels that contain points, at the voxel size of the mesh.
     Voxels,
 }
 
@@ -37,7 +37,8 @@ impl QueryKey for MeshKey {
 /// Reads the mesh.
 ///
 /// # Errors
-/// When its file is missing or damaged.
+///
+/// Returns an error if its file is missing or damaged.
 pub(crate) fn load_mesh(
     snapshot: &Snapshot,
     key: &MeshKey,
@@ -46,12 +47,12 @@ pub(crate) fn load_mesh(
     read_mesh(&mesh_path(&snapshot.root, key.version), progress).context(NOT_KEPT)
 }
 
-/// Triangles to be drawn, labelled as a state of the cloud is.
+/// Triangles to draw, with the labels of a state of the cloud.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct SurfaceKey {
     pub(crate) cloud: CloudState,
     pub(crate) surface: Surface,
-    /// Edge of the voxels, world units.
+    /// Voxel size in world units.
     pub(crate) voxel: f64,
 }
 
@@ -59,7 +60,7 @@ impl QueryKey for SurfaceKey {
     const TITLE: &'static str = "Load surface";
     const EVENT: Option<Event> = Some(Event::CloudChanged);
 
-    /// New labels of a surface that is shown already come by themselves.
+    /// New labels of a surface that is already shown are computed in the background.
     fn kind(&self) -> JobKind {
         if self.cloud.round > 0 {
             JobKind::Background
@@ -68,7 +69,7 @@ impl QueryKey for SurfaceKey {
         }
     }
 
-    /// The labels of an earlier round of voting stand until those of now are there.
+    /// Labels of an earlier round of voting are shown until the new ones are ready.
     fn serves(&self, wanted: &Self) -> bool {
         self.cloud.version == wanted.cloud.version && self.surface == wanted.surface
     }
@@ -77,7 +78,8 @@ impl QueryKey for SurfaceKey {
 /// Makes the triangles.
 ///
 /// # Errors
-/// When a file of the result is missing or damaged.
+///
+/// Returns an error if a file of the result is missing or damaged.
 pub(crate) fn make_surface(
     snapshot: &Snapshot,
     key: &SurfaceKey,

@@ -10,17 +10,19 @@ use ostra_cloud::measure::{GroundChoice, MeasureOptions, TraitRow, measure};
 use ostra_core::job::Progress;
 use ostra_masks::{LabelId, LabelTree};
 
-/// How the labels of the cloud shall be measured.
+/// Settings for measuring the labels of the cloud.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct MeasureSettings {
-    /// Only labels at this depth of the tree (1 = top); `None` = all.
+    /// Level of the label tree to measure (1 = top); `None` measures all labels.
     pub level: Option<usize>,
-    /// The plane above which heights are measured.
+    /// Ground plane from which heights are measured.
     pub ground: GroundChoice,
 }
 
-/// What traits depend on: names and colours of labels do not change them. It does not keep the cloud, so that a cloud that
-/// was replaced leaves the memory although nobody measures again.
+/// The inputs of traits, which do not include names and colours of labels.
+///
+/// It does not hold the cloud itself, so that a replaced cloud is freed even if it is never
+/// measured again.
 #[derive(Clone)]
 pub(crate) struct MeasuredCloud {
     cloud: Weak<LabelledCloud>,
@@ -42,7 +44,7 @@ impl PartialEq for MeasuredCloud {
     }
 }
 
-/// The traits of a cloud's labels.
+/// The cloud and the settings of a measurement of traits.
 #[derive(Clone, PartialEq)]
 pub(crate) struct TraitsKey {
     pub(crate) of: MeasuredCloud,
@@ -61,7 +63,8 @@ impl QueryKey for TraitsKey {
 /// Measures the labels of a cloud.
 ///
 /// # Errors
-/// As [`measure`].
+///
+/// Returns the errors of [`measure`].
 pub(crate) fn measure_traits(
     cloud: &LabelledCloud,
     key: &TraitsKey,
@@ -75,7 +78,7 @@ pub(crate) fn measure_traits(
     Ok(measure(cloud, &options, progress)?)
 }
 
-/// The cloud under a tree; copied only where it is another than its own.
+/// Returns the cloud with another label tree; it is copied only if the trees differ.
 pub(crate) fn under(cloud: Arc<LabelledCloud>, tree: LabelTree) -> Arc<LabelledCloud> {
     if cloud.tree == tree {
         cloud

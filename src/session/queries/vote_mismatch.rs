@@ -24,7 +24,7 @@ pub(crate) struct VoteMismatchKey {
 }
 
 impl VoteMismatchKey {
-    /// A frame's mask as it is now; `None` where it has none.
+    /// Creates the key for a frame's current mask, or returns `None` if it has none.
     pub(crate) fn new(project: &Project, frame: usize, cloud: CloudState) -> Option<Self> {
         let mask = project.mask_in_play(frame)?;
         let labels = project.labels.iter().map(|label| label.id).collect();
@@ -49,19 +49,23 @@ impl PartialEq for VoteMismatchKey {
 impl QueryKey for VoteMismatchKey {
     const TITLE: &'static str = "compare with vote";
 
-    /// What an earlier mask or cloud gave for the frame stands until then.
+    /// The result of an earlier mask or cloud is shown for the frame until then.
     fn serves(&self, wanted: &Self) -> bool {
         self.frame == wanted.frame
     }
 }
 
-/// Where accepting the vote would give the frame other labels, those hidden on it left aside.
+/// Returns the pixels where accepting the vote would change the label.
 ///
-/// Locks are applied to the vote as they are when it is accepted, so that the stripes show what *Accept vote* would change.
-/// Differences within two pixels of a border are ignored, as in the list of conflicts.
+/// Labels that are hidden on the frame are ignored.
+///
+/// Locks are applied to the vote as they are when it is accepted, so that the stripes show what
+/// *Use 3-D vote* would change. Differences within two pixels of a border are ignored, as in the
+/// list of conflicts.
 ///
 /// # Errors
-/// As [`mask_by_vote`].
+///
+/// Returns the errors of [`mask_by_vote`].
 pub(crate) fn find_vote_mismatch(
     project: &Project,
     store: &FrameStore,
@@ -80,18 +84,20 @@ pub(crate) fn find_vote_mismatch(
     Ok(contradiction(&key.mask.decode(), &runs.decode()))
 }
 
-/// A mask that the vote of all frames gives a frame.
+/// The mask of a frame by the vote of all frames.
 pub(crate) struct VotedMask {
     pub(crate) mask: LabelMask,
-    /// Names the frame where its depth cannot be read and is left out.
+    /// Warning that names the frame if its depth cannot be read and is ignored.
     pub(crate) warning: Option<String>,
 }
 
-/// Reads the frame's depth and projects the labels into it. A depth that cannot be read is left out, as if the frame had
-/// none.
+/// Reads the frame's depth and projects the labels into the frame.
+///
+/// A depth that cannot be read is ignored, as if the frame had none.
 ///
 /// # Errors
-/// When the frame is missing, or its mask and the votes do not fit together.
+///
+/// Returns an error if the frame is missing, or its mask and the votes do not fit together.
 pub(crate) fn mask_by_vote(
     project: &Project,
     store: &FrameStore,
@@ -105,7 +111,7 @@ pub(crate) fn mask_by_vote(
     Ok(VotedMask { mask, warning })
 }
 
-/// One line that names frames whose masks are changed without their depth, which cannot be read.
+/// Returns a warning about frames whose masks are changed without their unreadable depth.
 pub(crate) fn without_depth(names: &[&str]) -> Option<String> {
     naming(
         "have a depth that cannot be read, and their masks are changed without it; check their files",

@@ -6,7 +6,7 @@ use anyhow::{Result, bail};
 use super::*;
 use crate::jobs::Completion;
 
-/// A key of which those with the same `group` serve each other.
+/// A key; those with the same `group` serve each other.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Key {
     group: u32,
@@ -30,7 +30,7 @@ const fn key(group: u32, number: u32) -> Key {
 struct Bench {
     query: Query<Key, u32>,
     jobs: Jobs<Query<Key, u32>>,
-    /// Ends the job that works: with a value, or without one as a failure.
+    /// Ends the running job, with a value if true is sent and with a failure otherwise.
     end: Option<Sender<bool>>,
 }
 
@@ -41,7 +41,7 @@ impl Bench {
             .map(|answer| (**answer.value, answer.is_current))
     }
 
-    /// Starts the job that is due; returns its key.
+    /// Starts the job that is due and returns its key.
     fn start(&mut self) -> Option<Key> {
         self.jobs.note_ended();
         while let Some((_, result)) = self.jobs.take_ended() {
@@ -79,7 +79,7 @@ impl Bench {
         }
     }
 
-    /// Ends the job that works and returns the key of the next one.
+    /// Ends the running job and returns the key of the next one.
     fn end(&mut self, succeeds: bool) -> Option<Key> {
         self.end.take().unwrap().send(succeeds).unwrap();
         self.wait();
@@ -88,7 +88,7 @@ impl Bench {
 }
 
 #[test]
-fn a_value_is_made_once_and_an_earlier_one_serves_until_it_is_there() {
+fn value_is_computed_once_and_an_earlier_one_serves_until_then() {
     let mut bench = Bench::default();
     assert_eq!(bench.start(), None, "nothing was asked for");
     assert_eq!(bench.ask(key(0, 1)), None);
@@ -107,7 +107,7 @@ fn a_value_is_made_once_and_an_earlier_one_serves_until_it_is_there() {
 }
 
 #[test]
-fn of_several_keys_the_newest_is_next_and_one_job_works_at_a_time() {
+fn newest_of_several_keys_is_next_and_only_one_job_runs_at_a_time() {
     let mut bench = Bench::default();
     bench.ask(key(0, 1));
     assert_eq!(bench.start(), Some(key(0, 1)));
@@ -122,7 +122,7 @@ fn of_several_keys_the_newest_is_next_and_one_job_works_at_a_time() {
 }
 
 #[test]
-fn obsolete_work_is_stopped_and_may_be_asked_for_again() {
+fn obsolete_work_is_stopped_and_can_be_requested_again() {
     let mut bench = Bench::default();
     bench.ask(key(0, 1));
     assert_eq!(bench.start(), Some(key(0, 1)));
@@ -136,7 +136,7 @@ fn obsolete_work_is_stopped_and_may_be_asked_for_again() {
 }
 
 #[test]
-fn a_key_that_failed_is_not_tried_again_until_another_was_asked_for() {
+fn failed_key_is_not_retried_until_another_was_requested() {
     let mut bench = Bench::default();
     bench.ask(key(0, 1));
     assert_eq!(bench.start(), Some(key(0, 1)));
@@ -151,7 +151,7 @@ fn a_key_that_failed_is_not_tried_again_until_another_was_asked_for() {
 }
 
 #[test]
-fn a_value_that_was_put_wins_over_one_that_is_being_made() {
+fn value_that_was_put_wins_over_one_in_progress() {
     let mut bench = Bench::default();
     bench.ask(key(0, 1));
     assert_eq!(bench.start(), Some(key(0, 1)));
@@ -162,7 +162,7 @@ fn a_value_that_was_put_wins_over_one_that_is_being_made() {
 }
 
 #[test]
-fn a_cleared_query_takes_nothing_that_was_asked_for_before() {
+fn cleared_query_ignores_earlier_requests() {
     let mut bench = Bench::default();
     bench.ask(key(0, 1));
     assert_eq!(bench.start(), Some(key(0, 1)));

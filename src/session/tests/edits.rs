@@ -43,7 +43,7 @@ fn any_marks() -> impl Strategy<Value = Marks> {
     })
 }
 
-/// Edits of every kind, many of which do not fit the state they meet.
+/// Returns edits of every kind, many of which do not fit the state to which they are applied.
 pub fn any_edit() -> impl Strategy<Value = Edit> {
     let number = 0usize..7;
     let id = 0u16..4;
@@ -122,7 +122,9 @@ pub fn any_edit() -> impl Strategy<Value = Edit> {
     ]
 }
 
-/// Applies what fits; gives each edit with its inverse. What does not fit changes nothing.
+/// Applies the edits that fit and returns each with its inverse.
+///
+/// Checks that rejected edits change nothing.
 fn apply_all(project: &mut Project, edits: Vec<Edit>) -> Vec<(Edit, Edit)> {
     let mut done = Vec::new();
     for edit in edits {
@@ -137,7 +139,7 @@ fn apply_all(project: &mut Project, edits: Vec<Edit>) -> Vec<(Edit, Edit)> {
 
 proptest! {
     #[test]
-    fn undone_is_the_start_and_redone_the_end(edits in proptest::collection::vec(any_edit(), 1..60)) {
+    fn undo_restores_the_start_and_redo_the_end(edits in proptest::collection::vec(any_edit(), 1..60)) {
         let start = project();
         let mut now = start.clone();
         let done = apply_all(&mut now, edits);
@@ -160,7 +162,7 @@ proptest! {
 }
 
 #[test]
-fn what_cannot_be_is_refused() {
+fn invalid_edits_are_rejected() {
     let mut project = project();
     let refused = [
         Edit::SetMask {
@@ -239,7 +241,7 @@ fn what_cannot_be_is_refused() {
 }
 
 #[test]
-fn a_label_in_use_stays() {
+fn label_in_use_cannot_be_removed() {
     let mut project = project();
     project
         .apply(Edit::SetMask {

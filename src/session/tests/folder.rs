@@ -15,7 +15,7 @@ fn open(root: &Path) -> anyhow::Result<Loaded> {
     Folder::open(root, &Progress::default())
 }
 
-/// Every file of a folder with its bytes, but for the lock.
+/// Returns every file of a folder with its content.
 fn snapshot(root: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let mut found = Vec::new();
     let mut folders = vec![root.to_owned()];
@@ -55,7 +55,7 @@ fn painted(root: &Path) -> OpenProject {
 }
 
 #[test]
-fn a_checkpoint_can_be_read_with_other_tools() {
+fn checkpoint_is_readable_with_other_tools() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("p");
     let mut made = painted(&root);
@@ -89,7 +89,7 @@ fn a_checkpoint_can_be_read_with_other_tools() {
 }
 
 #[test]
-fn a_torn_last_line_is_dropped() {
+fn incomplete_last_line_is_dropped() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("p");
     let state = painted(&root).project().clone();
@@ -121,7 +121,7 @@ fn a_torn_last_line_is_dropped() {
 }
 
 #[test]
-fn what_is_broken_is_refused_and_left_alone() {
+fn unreadable_project_is_rejected_and_not_changed() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("p");
     let mut made = painted(&root);
@@ -175,7 +175,7 @@ fn what_is_broken_is_refused_and_left_alone() {
         fs::write(path, bytes).unwrap();
     }
     assert!(open(&root).is_ok());
-    // The journal of a later time: what it has cannot follow.
+    // The journal is from a later time, so its steps cannot follow.
     let path = root.join("project.toml");
     fs::write(
         &path,
@@ -194,7 +194,7 @@ fn what_is_broken_is_refused_and_left_alone() {
 }
 
 #[test]
-fn a_damaged_history_costs_only_the_undo() {
+fn damaged_history_only_costs_the_undo() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("p");
     let mut made = painted(&root);
@@ -231,14 +231,14 @@ fn a_damaged_history_costs_only_the_undo() {
     assert!(again.undo().is_err());
 }
 
-/// Opens after the first holder let go.
+/// Opens the project after the first holder is dropped.
 fn open_after(held: Folder, root: &Path) -> Loaded {
     drop(held);
     open(root).unwrap()
 }
 
 #[test]
-fn a_second_writer_is_kept_out() {
+fn second_writer_is_rejected() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("p");
     let made = painted(&root);
@@ -252,7 +252,7 @@ fn a_second_writer_is_kept_out() {
 }
 
 #[test]
-fn a_mask_file_that_is_gone_is_told() {
+fn missing_mask_file_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("p");
     let mut made = painted(&root);
@@ -267,7 +267,7 @@ fn a_mask_file_that_is_gone_is_told() {
 }
 
 #[test]
-fn a_failed_new_leaves_nothing() {
+fn failed_creation_leaves_no_files() {
     let folder = tempfile::tempdir().unwrap();
     let place = pictures(folder.path());
     let mut session = Session::new();
@@ -333,7 +333,7 @@ fn a_read_only_folder_is_refused() {
     fs::set_permissions(&root, fs::Permissions::from_mode(0o755)).unwrap();
 }
 
-/// A project in `root` whose only result is a cloud of so many points.
+/// Creates a project in `root` whose only result is a cloud with this many points.
 fn with_cloud(root: &Path, points: usize) {
     let mut open = OpenProject::create(root, project()).unwrap();
     let version = open.next_version().unwrap();
@@ -361,7 +361,7 @@ fn with_cloud(root: &Path, points: usize) {
 }
 
 #[test]
-fn a_project_never_shows_the_cloud_of_the_one_before() {
+fn project_never_shows_the_cloud_of_the_previous_one() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = Session::new();
     for (name, points) in [("a", 3), ("b", 5)] {
@@ -375,7 +375,7 @@ fn a_project_never_shows_the_cloud_of_the_one_before() {
 }
 
 #[test]
-fn a_record_that_does_not_fit_ends_the_journal_there() {
+fn journal_ends_at_a_record_that_does_not_fit() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("p");
     let mut made = painted(&root);
@@ -424,7 +424,7 @@ fn a_record_that_does_not_fit_ends_the_journal_there() {
 }
 
 #[test]
-fn a_viewed_project_refuses_steps_and_keeps_its_files() {
+fn project_open_for_viewing_rejects_steps_and_keeps_its_files() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("p");
     drop(painted(&root));

@@ -29,7 +29,7 @@ fn count(session: &Session) -> usize {
 }
 
 #[test]
-fn a_panic_in_a_job_is_its_failure() {
+fn panic_in_a_job_is_reported_as_its_failure() {
     let mut session = Session::new();
     let job = session.start("Break", JobKind::Long, |_| panic!("index 7 is out"));
     let events = settle(&mut session);
@@ -48,7 +48,7 @@ fn a_panic_in_a_job_is_its_failure() {
 }
 
 #[test]
-fn pieces_are_taken_in_before_the_end() {
+fn partial_results_are_applied_before_the_end() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(&folder);
     let woken = Arc::new(AtomicUsize::new(0));
@@ -77,7 +77,7 @@ fn pieces_are_taken_in_before_the_end() {
 }
 
 #[test]
-fn a_stopped_job_keeps_its_pieces() {
+fn stopped_job_keeps_its_partial_results() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(&folder);
     let work = |context: &JobContext<Session>| {
@@ -107,7 +107,7 @@ fn a_stopped_job_keeps_its_pieces() {
 }
 
 #[test]
-fn a_piece_that_is_refused_ends_the_job() {
+fn rejected_partial_result_ends_the_job() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(&folder);
     let work = |context: &JobContext<Session>| {
@@ -132,7 +132,7 @@ fn a_piece_that_is_refused_ends_the_job() {
 }
 
 #[test]
-fn what_a_closed_project_was_waiting_for_is_not_taken_in() {
+fn results_for_a_closed_project_are_dropped() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(&folder);
     let root = session.root().unwrap().to_owned();

@@ -7,7 +7,7 @@ pub use ostra_project::testing::*;
 
 use crate::{Command, Event, Session};
 
-/// Writes three small pictures and gives their folder.
+/// Writes three small images and returns their folder.
 pub fn pictures(folder: &Path) -> PathBuf {
     let place = folder.join("pictures");
     std::fs::create_dir_all(&place).unwrap();
@@ -24,7 +24,7 @@ pub fn pictures(folder: &Path) -> PathBuf {
     place
 }
 
-/// Carries out a command to its end; a failure of its job is an error.
+/// Executes a command to its end; a failure of its job is an error.
 pub fn perform(session: &mut Session, command: Command) -> anyhow::Result<Vec<Event>> {
     session.act(command)?;
     let events = session.settle(|_| ControlFlow::Continue(()));

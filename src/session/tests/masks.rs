@@ -19,7 +19,9 @@ const PLANT: LabelId = LabelId(1);
 const LEAF: LabelId = LabelId(2);
 const STONE: LabelId = LabelId(3);
 
-/// Three pictures with a red bar at columns 20 to 39; labels plant, leaf below it, stone.
+/// Opens a project of three images with a red bar at columns 20 to 39.
+///
+/// Its labels are plant, leaf below it, and stone.
 fn opened(folder: &Path) -> Session {
     let sources = vec![FrameFolder {
         frames: pictures(folder),
@@ -91,7 +93,7 @@ fn mask(session: &Session) -> LabelMask {
 }
 
 #[test]
-fn a_prompt_segments_and_an_empty_one_takes_off() {
+fn prompt_segments_and_an_empty_prompt_removes_the_label() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(folder.path());
     perform(&mut session, click(STONE, &[(30.5, 20.5)])).unwrap();
@@ -118,10 +120,10 @@ fn a_prompt_segments_and_an_empty_one_takes_off() {
 }
 
 #[test]
-fn clicks_on_a_drawn_mask_mend_it_until_it_is_taken_off() {
+fn clicks_on_a_drawn_mask_correct_it_until_it_is_removed() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(folder.path());
-    // The bar from row 10 to row 30, but for a stripe of it.
+    // The bar from row 10 to row 30, except for a stripe.
     perform(&mut session, square(STONE, 10.0, 30.0, false, true)).unwrap();
     perform(&mut session, square(STONE, 24.0, 27.0, true, true)).unwrap();
     let drawn = mask(&session);
@@ -159,7 +161,7 @@ fn clicks_on_a_drawn_mask_mend_it_until_it_is_taken_off() {
 }
 
 #[test]
-fn frames_are_made_ready_past_a_neighbour_that_cannot_be_read() {
+fn preparing_frames_skips_a_neighbour_that_cannot_be_read() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(folder.path());
     std::fs::write(folder.path().join("pictures/1.png"), "").unwrap();
@@ -174,7 +176,7 @@ fn frames_are_made_ready_past_a_neighbour_that_cannot_be_read() {
 }
 
 #[test]
-fn a_newer_prompt_takes_the_place_of_one_not_yet_answered() {
+fn newer_prompt_replaces_one_not_yet_answered() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(folder.path());
     session.act(click(STONE, &[(30.5, 20.5)])).unwrap();
@@ -192,7 +194,7 @@ fn a_newer_prompt_takes_the_place_of_one_not_yet_answered() {
     assert_eq!(session.recipe().commands.len(), 1 + 3 + 1 + 1);
 }
 
-/// The prompt of a command made by [`click`].
+/// Returns the prompt of a command made by [`click`].
 fn request(command: Command) -> PromptRequest {
     let Command::Prompt(request) = command else {
         panic!("{command:?}")
@@ -201,7 +203,7 @@ fn request(command: Command) -> PromptRequest {
 }
 
 #[test]
-fn a_preview_is_what_the_click_gives_and_changes_nothing() {
+fn preview_equals_the_click_result_and_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(folder.path());
     let before = session.undo_title().map(str::to_owned);
@@ -227,7 +229,7 @@ fn a_preview_is_what_the_click_gives_and_changes_nothing() {
 }
 
 #[test]
-fn a_preview_on_a_drawn_mask_is_what_the_click_gives() {
+fn preview_on_a_drawn_mask_equals_the_click_result() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(folder.path());
     perform(&mut session, square(STONE, 10.0, 30.0, false, true)).unwrap();
@@ -242,7 +244,7 @@ fn a_preview_on_a_drawn_mask_is_what_the_click_gives() {
 }
 
 #[test]
-fn parts_keep_their_pixels_and_others_prompted_keep_theirs() {
+fn parts_and_other_prompted_labels_keep_their_pixels() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(folder.path());
     perform(&mut session, click(LEAF, &[(30.5, 20.5)])).unwrap();
@@ -265,7 +267,7 @@ fn parts_keep_their_pixels_and_others_prompted_keep_theirs() {
 }
 
 #[test]
-fn masks_written_are_read_back_as_anchors() {
+fn exported_masks_are_imported_as_keyframes() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(folder.path());
     perform(&mut session, square(LEAF, 3.0, 12.0, false, false)).unwrap();
@@ -304,7 +306,7 @@ fn masks_written_are_read_back_as_anchors() {
 }
 
 #[test]
-fn unknown_engines_and_engines_that_are_not_installed_are_refused() {
+fn unknown_and_uninstalled_engines_are_rejected() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(folder.path());
     let mut prompted = |segmenter: SegmenterId| {
@@ -331,7 +333,7 @@ fn unknown_engines_and_engines_that_are_not_installed_are_refused() {
 }
 
 #[test]
-fn added_frames_get_names_that_are_free_and_moved_ones_are_found() {
+fn added_frames_get_free_names_and_moved_frames_are_found() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(folder.path());
     let more = pictures(&folder.path().join("more"));

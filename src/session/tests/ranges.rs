@@ -50,7 +50,7 @@ fn now(session: &Session) -> &Project {
     session.project().unwrap()
 }
 
-/// Labels of the three rows of a frame.
+/// Returns the labels of the three rows of a frame.
 fn rows(session: &Session, frame: usize) -> [u16; 3] {
     let ids = now(session).masks[&frame].runs.decode().ids;
     [0, 4, 8].map(|at| ids[at].0)
@@ -78,7 +78,7 @@ fn both(ids: [u16; 3]) -> FrameMask {
 }
 
 #[test]
-fn what_is_deleted_stays_gone_until_it_is_let_in_or_given_again() {
+fn deleted_label_stays_absent_until_restored_or_painted() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(
         &folder,
@@ -137,7 +137,7 @@ fn what_is_deleted_stays_gone_until_it_is_let_in_or_given_again() {
 }
 
 #[test]
-fn a_locked_label_is_changed_by_nobody() {
+fn locked_label_is_not_changed_by_any_operation() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(
         &folder,
@@ -199,7 +199,7 @@ fn a_locked_label_is_changed_by_nobody() {
 }
 
 #[test]
-fn what_is_hidden_is_kept_and_out_of_play() {
+fn hidden_label_is_kept_but_not_in_play() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(&folder, &[anchor([1, 2, 0]), both([1, 2, 0])]);
     change(&mut session, &[STEM], (1, 4), RangeChange::Hide).unwrap();
@@ -228,7 +228,7 @@ fn what_is_hidden_is_kept_and_out_of_play() {
 }
 
 #[test]
-fn a_merged_label_gives_its_pixels_clicks_and_doubt() {
+fn merged_label_passes_on_pixels_clicks_and_lower_confidence() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(
         &folder,
@@ -274,7 +274,7 @@ fn a_merged_label_gives_its_pixels_clicks_and_doubt() {
 }
 
 #[test]
-fn a_piece_is_split_off_and_followed() {
+fn split_piece_is_followed_through_the_range() {
     let folder = tempfile::tempdir().unwrap();
     let masks = [
         both([1, 0, 1]),
@@ -329,7 +329,7 @@ fn a_piece_is_split_off_and_followed() {
 }
 
 #[test]
-fn frames_in_between_get_shapes_in_between() {
+fn frames_in_between_get_interpolated_shapes() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(
         &folder,
@@ -367,7 +367,7 @@ fn frames_in_between_get_shapes_in_between() {
 }
 
 #[test]
-fn a_copy_is_an_anchor() {
+fn copied_mask_is_a_keyframe() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(&folder, &[anchor([1, 1, 0]), both([2, 0, 1])]);
     change(
@@ -398,7 +398,7 @@ fn a_copy_is_an_anchor() {
 }
 
 #[test]
-fn a_label_that_may_not_be_there_cuts_no_hole_into_others() {
+fn absent_label_does_not_erase_other_labels() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(
         &folder,
@@ -450,7 +450,7 @@ fn a_label_that_may_not_be_there_cuts_no_hole_into_others() {
 }
 
 #[test]
-fn what_is_merged_or_split_into_a_deleted_label_is_there_again() {
+fn label_that_receives_a_merge_or_split_is_no_longer_absent() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(
         &folder,

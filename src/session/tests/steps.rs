@@ -10,7 +10,9 @@ fn opened(folder: &tempfile::TempDir, project: Project) -> OpenProject {
     OpenProject::create(&folder.path().join("p"), project).unwrap()
 }
 
-/// An anchor on frame 0 carried to 1, 2 and 4, another anchor on 3; tracking and cloud are recorded.
+/// Returns a project with keyframes on frames 0 and 3, tracked masks on 1, 2 and 4, and records.
+///
+/// The records are of tracking, cloud and cameras.
 fn tracked_project(engine: &str) -> Project {
     let mut project = project();
     let masks = [
@@ -62,7 +64,7 @@ fn stale_results(project: &Project) -> Vec<ResultKind> {
 }
 
 #[test]
-fn a_changed_anchor_makes_stale_what_it_reaches() {
+fn changed_keyframe_makes_the_frames_it_reaches_stale() {
     let folder = tempfile::tempdir().unwrap();
     let start = tracked_project("flow");
     let mut open = opened(&folder, start.clone());
@@ -86,7 +88,7 @@ fn a_changed_anchor_makes_stale_what_it_reaches() {
 }
 
 #[test]
-fn through_geometry_an_anchor_reaches_all() {
+fn keyframe_reaches_all_frames_through_geometry() {
     let folder = tempfile::tempdir().unwrap();
     let mut open = opened(&folder, tracked_project("geometry"));
     open.commit(
@@ -101,7 +103,7 @@ fn through_geometry_an_anchor_reaches_all() {
 }
 
 #[test]
-fn an_accepted_mask_makes_nothing_stale() {
+fn accepted_mask_makes_nothing_stale() {
     let folder = tempfile::tempdir().unwrap();
     let start = tracked_project("geometry");
     let same = ostra_project::FrameMask {
@@ -124,7 +126,7 @@ fn an_accepted_mask_makes_nothing_stale() {
 }
 
 #[test]
-fn a_tracked_mask_makes_only_the_cloud_stale() {
+fn tracked_mask_makes_only_the_cloud_stale() {
     let folder = tempfile::tempdir().unwrap();
     let mut open = opened(&folder, tracked_project("geometry"));
     open.commit(
@@ -142,7 +144,7 @@ fn a_tracked_mask_makes_only_the_cloud_stale() {
 }
 
 #[test]
-fn cameras_and_names_make_stale_what_holds_them() {
+fn changed_cameras_and_names_make_dependent_results_stale() {
     let folder = tempfile::tempdir().unwrap();
     let mut open = opened(&folder, tracked_project("geometry"));
     let recolored = ostra_masks::Label {
@@ -183,7 +185,7 @@ fn cameras_and_names_make_stale_what_holds_them() {
 }
 
 #[test]
-fn what_changes_nothing_is_no_step() {
+fn edit_without_effect_is_not_a_step() {
     let folder = tempfile::tempdir().unwrap();
     let mut open = opened(&folder, tracked_project("flow"));
     let same = open.project().masks[&0].clone();
@@ -202,7 +204,7 @@ fn what_changes_nothing_is_no_step() {
 }
 
 #[test]
-fn a_run_is_one_step_unless_something_comes_between() {
+fn run_is_one_step_unless_interrupted_by_another() {
     let folder = tempfile::tempdir().unwrap();
     let mut open = opened(&folder, tracked_project("flow"));
     let start = open.project().as_ref().clone();
@@ -237,7 +239,7 @@ fn a_run_is_one_step_unless_something_comes_between() {
 }
 
 #[test]
-fn a_step_that_is_refused_halfway_changes_nothing() {
+fn step_rejected_halfway_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let start = tracked_project("flow");
     let mut open = opened(&folder, start.clone());
@@ -259,10 +261,12 @@ fn a_step_that_is_refused_halfway_changes_nothing() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
-    /// Steps, undos, redos, checkpoints and openings in any order: the folder always opens to what was there, with
-    /// its history, and undoing all leads to the start.
+    /// Steps, undos, redos, checkpoints and openings in any order preserve the project.
+    ///
+    /// The folder always opens to the last state with its history, and undoing everything leads to
+    /// the start.
     #[test]
-    fn a_project_opens_as_it_was_closed(
+    fn project_reopens_in_the_state_it_was_closed(
         acts in proptest::collection::vec((0u8..8, proptest::collection::vec(any_edit(), 1..4)), 1..30),
     ) {
         let folder = tempfile::tempdir().unwrap();

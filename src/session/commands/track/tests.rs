@@ -8,7 +8,7 @@ use ostra_masks::LabelId;
 use ostra_project::testing::{anchor, project, record, tracked};
 use ostra_project::{MaskOrigin, OpenProject, Project};
 
-/// A session in which the test brings a run's frames.
+/// Returns a session with a run whose frames the test provides.
 fn running(folder: &tempfile::TempDir, project: Project) -> Session {
     let mut session = Session::new();
     session.open = Some(OpenProject::create(&folder.path().join("p"), project).unwrap());
@@ -47,7 +47,7 @@ fn stale(session: &Session, frame: usize) -> bool {
 }
 
 #[test]
-fn what_is_carried_from_anchors_that_changed_meanwhile_is_stale() {
+fn masks_tracked_from_keyframes_that_changed_meanwhile_are_stale() {
     let folder = tempfile::tempdir().unwrap();
     let mut start = project();
     start
@@ -95,7 +95,7 @@ fn what_is_carried_from_anchors_that_changed_meanwhile_is_stale() {
 }
 
 #[test]
-fn a_label_carried_anew_leaves_what_lies_outside_its_range_stale() {
+fn retracking_a_label_leaves_frames_outside_its_range_stale() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = running(&folder, project());
     session
@@ -145,7 +145,7 @@ fn a_label_carried_anew_leaves_what_lies_outside_its_range_stale() {
 }
 
 #[test]
-fn a_run_that_is_not_sure_ends_and_asks() {
+fn run_with_low_confidence_pauses() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = running(&folder, project());
     begin(
@@ -191,7 +191,7 @@ fn a_run_that_is_not_sure_ends_and_asks() {
     );
 }
 
-/// What happens to a project between openings.
+/// A random action on the project.
 #[derive(Debug, Clone)]
 enum Act {
     Track {
@@ -229,10 +229,9 @@ fn anchors(session: &Session) -> BTreeMap<usize, FrameMask> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
-    /// Whatever was done before: a run changes no anchor, and no pixel of a label that it was not asked for unless
-    /// it may replace others.
+    /// A run never changes a keyframe, nor a pixel of other labels unless it may replace them.
     #[test]
-    fn anchors_and_other_labels_stay_under_tracking(acts in proptest::collection::vec(act(), 1..12)) {
+    fn tracking_preserves_keyframes_and_other_labels(acts in proptest::collection::vec(act(), 1..12)) {
         let folder = tempfile::tempdir().unwrap();
         let mut session = running(&folder, project());
         for (act, job) in acts.into_iter().zip(1..) {

@@ -1,9 +1,9 @@
-//! Brush, eraser and pulled borders.
+//! Tests of brush, eraser and dragged borders.
 
 use super::*;
 
 #[test]
-fn brush_and_eraser_make_anchors() {
+fn brush_and_eraser_make_keyframes() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(folder.path());
     perform(&mut session, square(STONE, 0.0, 10.0, false, false)).unwrap();
@@ -31,7 +31,7 @@ fn brush_and_eraser_make_anchors() {
 }
 
 #[test]
-fn a_pulled_border_is_one_step_that_can_be_undone_and_leaves_locked_labels() {
+fn dragged_border_is_one_undoable_step_and_respects_locks() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(folder.path());
     let pull = |label, to: f64| {
@@ -93,7 +93,7 @@ fn a_pulled_border_is_one_step_that_can_be_undone_and_leaves_locked_labels() {
 }
 
 #[test]
-fn a_snapping_brush_stops_at_the_edge_and_is_one_step() {
+fn snapping_brush_stops_at_the_edge_and_is_one_step() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(folder.path());
     let stroke = |snap| {

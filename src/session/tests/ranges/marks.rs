@@ -1,9 +1,9 @@
-//! Marks against running jobs, and changes in any order.
+//! Tests of marks that change during a job, and of changes in any order.
 
 use super::*;
 
 #[test]
-fn a_job_that_marks_overtook_changes_nothing() {
+fn job_overtaken_by_marks_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(
         &folder,
@@ -51,9 +51,11 @@ fn any_change() -> impl Strategy<Value = RangeChange> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
-    /// Frames outside the range, locked labels and labels that were not meant keep their pixels; undo gives the start.
+    /// Frames outside the range, locked labels and labels not in the request keep their pixels.
+    ///
+    /// Undo restores the start.
     #[test]
-    fn only_what_was_meant_changes(
+    fn only_requested_labels_and_frames_change(
         masks in proptest::collection::vec((proptest::array::uniform3(0u16..3), any::<bool>()), 5),
         locked in (0u16..3, 0usize..5),
         changes in proptest::collection::vec((any_change(), 0u16..3, 0usize..5, 0usize..5, any::<bool>()), 1..5),
