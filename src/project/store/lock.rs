@@ -122,7 +122,7 @@ mod tests {
         clippy::disallowed_methods,
         reason = "the lock is given back a while after the next asks for it"
     )]
-    fn what_a_killed_program_was_starting_holds_the_lock_for_an_instant_only() {
+    fn process_started_by_a_killed_program_holds_the_lock_only_briefly() {
         let dir = tempfile::tempdir().unwrap();
         let held = Lock::take(dir.path()).unwrap();
         std::thread::scope(|scope| {
