@@ -1,4 +1,4 @@
-//! A choice of points written back: the pixels of a frame that see them.
+//! Writing a selection of points back to masks: the pixels of a frame that see them.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -10,13 +10,15 @@ use crate::select::{Selection, Selector};
 use ostra_frames::{DepthMap, Frame};
 use ostra_masks::{Connectivity, LabelId, LabelMask, Region, components};
 
-/// Who sees the chosen points of a cloud.
+/// Finds the pixels that see the selected points of a cloud.
 pub struct SeeingPixels<'a> {
     selector: &'a Selector,
     votes: &'a Votes,
-    /// Whether each point is chosen.
+    /// Whether each point is selected.
     chosen: Vec<bool>,
-    /// The box around the chosen points, as far as pixels may lie from them.
+    /// Bounding box of the selected points, extended by `reach`.
+    ///
+    /// `reach` is the maximum distance between a pixel's 3-D position and a selected point.
     bounds: (Vec3, Vec3),
     reach: f32,
 }
@@ -24,15 +26,15 @@ pub struct SeeingPixels<'a> {
 /// What a pixel is known to see.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Pixel {
-    /// Chosen points.
+    /// Selected points.
     Chosen,
-    /// Others, or what has no point.
+    /// Other points, or a place without a point.
     Other,
-    /// Nobody knows what.
+    /// Unknown.
     Blind,
 }
 
-/// How many points a pixel is recorded to see.
+/// Numbers of selected and other points that a pixel is recorded to see.
 #[derive(Clone, Copy, Default)]
 struct Sightings {
     chosen: u16,
@@ -40,10 +42,12 @@ struct Sightings {
 }
 
 impl<'a> SeeingPixels<'a> {
-    /// Makes ready to ask frame by frame.
+    /// Prepares the queries per frame.
     ///
     /// # Errors
-    /// [`SceneError::Request`] where the votes belong to another cloud, or do not know who voted.
+    ///
+    /// Returns [`SceneError::Request`] if the votes belong to another cloud or do not include the
+    /// voting pixels.
     pub fn new(
         selector: &'a Selector,
         votes: &'a Votes,
@@ -84,14 +88,16 @@ impl<'a> SeeingPixels<'a> {
         })
     }
 
-    /// The pixels of a frame that see chosen points; `None` where it sees none.
+    /// Returns the pixels of a frame that see selected points, or `None` if there are none.
     ///
-    /// A pixel goes with most of the points that it is recorded to see. Where none is recorded, it goes with the point at its
-    /// place by `depth`, else with the nearest pixel that sees one. Pixels of which nothing is known go with those of the same
-    /// label in `mask` around them, and holes without a label are closed, so that a part moves whole.
+    /// A pixel follows the majority of the points that it is recorded to see. If none are recorded,
+    /// it follows the point at its position given by `depth`, and without a depth map the nearest
+    /// pixel that sees a point. Unknown pixels follow those of the same label in `mask` around
+    /// them, and unlabelled holes are closed, so that an object is corrected as a whole.
     ///
-    /// The record of the vote comes first, so that a correction is written where the wrong label came from.
-    /// Afterwards the masks vote again on the same points, with the result that a new fusion would give them.
+    /// The record of the vote takes precedence, so that a correction is written where the wrong
+    /// label came from. Afterwards the masks vote again on the same points, with the result that a
+    /// new fusion would give them.
     #[must_use]
     pub fn in_frame(
         &self,
@@ -119,7 +125,7 @@ impl<'a> SeeingPixels<'a> {
         })
     }
 
-    /// What the votes know of each pixel; `None` where it sees no chosen point.
+    /// Returns the recorded sightings of each pixel, or `None` if no pixel sees a selected point.
     fn recorded(&self, frame: usize, (width, height): (u32, u32)) -> Option<Vec<Sightings>> {
         let mut recorded = vec![Sightings::default(); width as usize * height as usize];
         let mut any = false;
@@ -167,7 +173,9 @@ impl Sightings {
     }
 }
 
-/// What the nearest pixel that sees a point sees, a few columns and rows away at most; of equally near ones the first.
+/// Returns what the nearest pixel with a recorded point sees, within a few columns and rows.
+///
+/// Among equally near pixels the first one wins.
 fn nearest(recorded: &[Sightings], at: usize, width: u32) -> Pixel {
     let (width, reach) = (width as usize, FILL_PX as usize);
     let (x, y) = (at % width, at / width);
@@ -183,13 +191,17 @@ fn nearest(recorded: &[Sightings], at: usize, width: u32) -> Pixel {
         .map_or(Pixel::Blind, |(_, pixel)| pixel)
 }
 
-/// How far a label's pixels of which nothing is known go with those that see something, as a share of the longer side.
+/// Distance over which unknown pixels of a label follow known ones, as a share of the longer side.
 const REACH: f64 = 1.0 / 40.0;
-/// Pixels without a label go along so far only: a mask that says nothing does not hold them together.
+/// Distance over which unlabelled pixels follow known ones.
+///
+/// It is short because an empty mask does not hold pixels together.
 const UNLABELLED_REACH: usize = 2;
 
-/// Gives pixels that see nothing known to the chosen ones: those that are nearest to chosen ones along pixels of the same
-/// label in `mask`, and holes without a label that chosen pixels enclose.
+/// Adds unknown pixels to the selected ones.
+///
+/// These are the pixels nearest to selected ones along pixels of the same label in `mask`, and
+/// unlabelled holes enclosed by selected pixels.
 fn close_blind(pixels: &mut [Pixel], mask: &LabelMask) {
     let mut known: Vec<Pixel> = pixels.to_vec();
     let mut front: Vec<usize> = (0..pixels.len())
@@ -217,7 +229,7 @@ fn close_blind(pixels: &mut [Pixel], mask: &LabelMask) {
     }
 }
 
-/// The pixels without a label, of which nothing is known, that chosen pixels enclose on all sides.
+/// Returns the unlabelled, unknown pixels that selected pixels enclose on all sides.
 fn holes(known: &[Pixel], mask: &LabelMask) -> Vec<bool> {
     let inside = known
         .iter()
@@ -247,7 +259,7 @@ fn holes(known: &[Pixel], mask: &LabelMask) -> Vec<bool> {
         .collect()
 }
 
-/// The pixels left, right, above and below.
+/// Returns the pixels to the left, to the right, above and below.
 fn beside(at: usize, mask: &LabelMask) -> impl Iterator<Item = usize> + use<> {
     let (width, height) = (mask.width as usize, mask.height as usize);
     let (x, y) = (at % width, at / width);

@@ -1,4 +1,4 @@
-//! Where the vote of all views contradicts a frame's mask, and what the mask would be by that vote.
+//! Conflicts between a frame's mask and the vote of all views, and the mask that the vote implies.
 
 use glam::{DVec2, Vec3};
 use rayon::prelude::*;
@@ -10,20 +10,22 @@ use ostra_frames::{DepthMap, Frame};
 use ostra_geometry::{Camera, Pose};
 use ostra_masks::{LabelId, LabelMask, Region};
 
-/// Pixels by which borders may differ: no mask is drawn to the pixel, and no point is seen to it.
+/// Tolerance of borders in pixels: neither masks nor visible points are accurate to the pixel.
 const BORDER_PX: u32 = 2;
 
-/// How far a frame's mask and the vote of all frames are apart, in pixels that see a point and have a label by one of the two.
+/// Disagreement between a frame's mask and the vote of all frames.
+///
+/// Counts pixels that see a point and have a label in the mask or in the vote.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct FrameDoubt {
-    /// All of them.
+    /// Number of compared pixels.
     pub compared: usize,
-    /// Those where both name different labels, and not only because a border lies a little aside.
+    /// Number of pixels with different labels, except where only a border is slightly displaced.
     pub against: usize,
 }
 
 impl FrameDoubt {
-    /// The share that disagrees, 0–1.
+    /// Returns the share of pixels that disagree, 0–1.
     #[must_use]
     pub fn share(&self) -> f32 {
         if self.compared == 0 {
@@ -34,11 +36,13 @@ impl FrameDoubt {
     }
 }
 
-/// Compares a frame's mask with the labels of the points that the frame sees; `labels` holds one for each point that was
-/// voted on. A pixel disagrees where the mask has the vote's label nowhere within two pixels, or the vote the mask's.
+/// Compares a frame's mask with the labels of the points that the frame sees.
 ///
-/// Uses the (frame, pixel, point) records of the vote, so that it needs no geometry and can run in the
-/// background, mask by mask as they change.
+/// `labels` has one entry per point that was voted on. A pixel disagrees if the mask does not have
+/// the vote's label within two pixels, or the vote does not have the mask's label there.
+///
+/// This uses the (frame, pixel, point) records of the vote. It therefore needs no geometry and can
+/// run in the background, mask by mask as they change.
 #[must_use]
 pub fn frame_doubt(
     votes: &Votes,
@@ -62,8 +66,9 @@ pub fn frame_doubt(
     doubt
 }
 
-/// The pixels where a frame's mask and the mask that the vote of all gives it name different labels, and not only because a
-/// border lies a little aside.
+/// Returns the pixels where a frame's mask and the mask given by the vote have different labels.
+///
+/// Pixels where only a border is slightly displaced are excluded.
 #[must_use]
 pub fn contradiction(mask: &LabelMask, voted: &LabelMask) -> Region {
     let differs = |(at, (&own, &voted_id)): (usize, (&LabelId, &LabelId))| {
@@ -85,18 +90,20 @@ pub fn contradiction(mask: &LabelMask, voted: &LabelMask) -> Region {
     }
 }
 
-/// The labels of the points that a frame sees, in the pixels that see them; `None` where no point is seen.
+/// Labels of the points that a frame sees, per pixel; `None` where no point is visible.
 pub struct Sighted {
     /// Width in pixels.
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// Row by row.
+    /// Labels in row-major order.
     pub labels: Vec<Option<LabelId>>,
 }
 
 impl Sighted {
-    /// By the sightings that the votes know. Of several points in one pixel the first counts.
+    /// Collects the sightings recorded in the votes.
+    ///
+    /// If several points are seen in one pixel, the first one counts.
     fn new(votes: &Votes, labels: &[LabelId], frame: usize, (width, height): (u32, u32)) -> Self {
         let mut sighted = Self {
             width,
@@ -111,12 +118,14 @@ impl Sighted {
         sighted
     }
 
-    /// Whether a pixel at most `radius` columns and rows away sees this label.
+    /// Returns whether a pixel within `radius` columns and rows sees this label.
     pub fn has_near(&self, at: usize, radius: u32, label: LabelId) -> bool {
         near(at, radius, (self.width, self.height)).any(|at| self.labels[at] == Some(label))
     }
 
-    /// The label that the nearest pixel sees, at most `radius` columns and rows away; of equally near ones the first.
+    /// Returns the label seen by the nearest pixel within `radius` columns and rows.
+    ///
+    /// Among equally near pixels the first one wins.
     fn nearest(&self, at: usize, radius: u32) -> Option<LabelId> {
         if self.labels[at].is_some() {
             return self.labels[at];
@@ -136,12 +145,12 @@ impl Sighted {
     }
 }
 
-/// Whether a pixel of a mask at most `radius` columns and rows away has this label.
+/// Returns whether a pixel of a mask within `radius` columns and rows has this label.
 pub fn mask_has_near(mask: &LabelMask, at: usize, radius: u32, label: LabelId) -> bool {
     near(at, radius, (mask.width, mask.height)).any(|at| mask.ids[at] == label)
 }
 
-/// The pixels at most `radius` columns and rows away, row by row.
+/// Returns the pixels within `radius` columns and rows, in row-major order.
 fn near(at: usize, radius: u32, (width, height): (u32, u32)) -> impl Iterator<Item = usize> {
     let (x, y) = (at as u32 % width, at as u32 / width);
     let columns = x.saturating_sub(radius)..=(x + radius).min(width - 1);
@@ -149,17 +158,21 @@ fn near(at: usize, radius: u32, (width, height): (u32, u32)) -> impl Iterator<It
     rows.flat_map(move |y| columns.clone().map(move |x| (y * width + x) as usize))
 }
 
-/// How far from a pixel that sees a point others take its label, where a frame has no depth.
+/// Distance over which pixels take the label of a pixel that sees a point, in frames without depth.
 pub(crate) const FILL_PX: u32 = 2;
-/// How far a pixel's place may lie from the point whose label it takes, in spacings of the cloud.
+/// Maximum distance from a pixel's 3-D position to its point, in spacings of the cloud.
 pub(crate) const REACH: f64 = 2.0;
 
-/// The mask of a frame as the vote of all frames has it. Where the frame has depth, each pixel takes the label of the point
-/// that lies at its place; elsewhere, that of the nearest pixel which sees one. Pixels that see nothing keep what `mask` has.
-/// With `only`, pixels change that have or get one of these labels; all do where it is empty.
+/// Returns the mask of a frame as given by the vote of all frames.
+///
+/// If the frame has depth, each pixel takes the label of the point at its 3-D position; otherwise
+/// it takes that of the nearest pixel that sees a point. Pixels that see no point keep their label
+/// in `mask`. If `only` is not empty, only pixels that have or receive one of these labels change.
 ///
 /// # Errors
-/// [`SceneError::Request`] where the frame has no pose, the cloud has too few points, or the votes belong to another one.
+///
+/// Returns [`SceneError::Request`] if the frame has no pose, the cloud has too few points, or the
+/// votes belong to another cloud.
 pub fn voted_mask(
     (cloud, votes): (&LabelledCloud, &Votes),
     (number, frame): (usize, &Frame),
@@ -214,7 +227,7 @@ fn by_depth(
     Some((0..depth.depths.len()).into_par_iter().map(label).collect())
 }
 
-/// A frame's pixels in 3-D, by its depth.
+/// The pixels of a frame in 3-D, by its depth.
 pub(crate) struct Lifted<'a> {
     camera: &'a Camera,
     world_from_camera: Pose,
@@ -222,7 +235,7 @@ pub(crate) struct Lifted<'a> {
 }
 
 impl<'a> Lifted<'a> {
-    /// `None` where the frame has no camera.
+    /// Creates the unprojection, or returns `None` if the frame has no camera.
     pub(crate) fn new(frame: &'a Frame, depth: &'a DepthMap) -> Option<Self> {
         let (camera, pose) = frame.posed_camera()?;
         Some(Self {
@@ -232,7 +245,7 @@ impl<'a> Lifted<'a> {
         })
     }
 
-    /// Where a pixel's surface lies in the world; `None` where the depth is not known.
+    /// Returns the position of a pixel's surface in world space, or `None` if its depth is unknown.
     pub(crate) fn place(&self, at: usize) -> Option<Vec3> {
         let depth = self.depth.depths[at];
         if depth.is_nan() || depth <= 0.0 {

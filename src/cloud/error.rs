@@ -6,7 +6,9 @@ use ostra_frames::FrameError;
 use ostra_geometry::GeometryError;
 use ostra_masks::MaskError;
 
-/// What can go wrong between frames and the labelled scene; each says what the user can do.
+/// Errors of fusion, surfaces, measurement, selection and file formats.
+///
+/// Each message says what the user can do.
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
     /// A file cannot be read or written.
@@ -14,10 +16,13 @@ pub enum SceneError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said. Part of the message, so it is not this error's source: it would be printed twice.
+        /// The system's error.
+        ///
+        /// It is part of the message. If it were the source of this error, it would be printed
+        /// twice.
         reason: std::io::Error,
     },
-    /// A file's content is damaged or of another kind.
+    /// The content of a file is damaged or of another kind.
     #[error("{}: {what}", path.display())]
     Invalid {
         /// The file.
@@ -25,17 +30,17 @@ pub enum SceneError {
         /// What is wrong and what to do.
         what: String,
     },
-    /// Something is asked for that the input cannot give.
+    /// A request that the input cannot satisfy.
     #[error("{0}")]
     Request(String),
-    /// A result would take more memory than it may.
+    /// A result would exceed its memory limit.
     #[error(
         "with voxels of {voxel} the surface takes more than {mebibytes} MiB; give a larger voxel size"
     )]
     TooLarge {
-        /// Edge of the voxels, world units.
+        /// Voxel edge length, in world units.
         voxel: f64,
-        /// What it may take.
+        /// Memory limit in MiB.
         mebibytes: usize,
     },
     /// A frame could not be read.
@@ -47,7 +52,7 @@ pub enum SceneError {
     /// Degenerate geometry.
     #[error(transparent)]
     Geometry(#[from] GeometryError),
-    /// The user stopped it.
+    /// The job was stopped by the user.
     #[error(transparent)]
     Stopped(#[from] Stopped),
 }

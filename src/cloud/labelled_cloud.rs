@@ -1,41 +1,41 @@
 use ostra_masks::{Label, LabelId, LabelTree};
 
-/// Points with colour, normal, label and the share of the vote that the label won. All vectors have equal length.
+/// Points with colour, normal, label and confidence. All vectors have the same length.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct LabelledCloud {
     /// Positions in world units, relative to `origin`.
     pub positions: Vec<glam::Vec3>,
-    /// Unit normals towards the cameras; zero = unknown.
+    /// Unit normals towards the cameras; zero is unknown.
     pub normals: Vec<glam::Vec3>,
-    /// sRGB.
+    /// Colours in sRGB.
     pub colors: Vec<[u8; 3]>,
-    /// The winner of the vote; 0 = unlabelled.
+    /// Labels that won the vote; 0 is unlabelled.
     pub labels: Vec<LabelId>,
-    /// Share of the votes that the winner got, 0–1.
+    /// Share of the votes for the winning label, 0–1.
     pub confidence: Vec<f32>,
     /// Names, colours and parents of the labels.
     pub tree: LabelTree,
-    /// What positions are relative to, in global coordinates; zero = they are global.
+    /// Global coordinates of the origin that positions are relative to; zero if they are global.
     pub origin: glam::DVec3,
 }
 
-/// Colour of points without a label where a cloud is shown or written in label colours (sRGB).
+/// Colour (sRGB) of unlabelled points in a cloud with label colours.
 pub const UNLABELLED_COLOR: [u8; 3] = [128, 128, 128];
 
 impl LabelledCloud {
-    /// Number of points.
+    /// Returns the number of points.
     #[must_use]
     pub fn len(&self) -> usize {
         self.positions.len()
     }
 
-    /// Whether there are no points.
+    /// Returns whether there are no points.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
     }
 
-    /// Positions only: grey, without normals and labels.
+    /// Creates a cloud from positions only: grey, without normals and labels.
     #[must_use]
     pub fn from_positions(positions: Vec<glam::Vec3>) -> Self {
         let count = positions.len();
@@ -50,7 +50,7 @@ impl LabelledCloud {
         }
     }
 
-    /// Makes the positions relative to another origin; the points stay where they are.
+    /// Makes the positions relative to another origin, without moving the points.
     pub fn move_origin(&mut self, origin: glam::DVec3) {
         let by = self.origin - origin;
         if by != glam::DVec3::ZERO {
@@ -61,13 +61,15 @@ impl LabelledCloud {
         self.origin = origin;
     }
 
-    /// Whether somebody voted on a point, and its label won less than a share (0–1) of the votes.
+    /// Returns whether a point was voted on and its label won less than a share (0–1) of the votes.
     #[must_use]
     pub fn is_doubtful(&self, point: usize, below: f32) -> bool {
         (f32::MIN_POSITIVE..below).contains(&self.confidence[point])
     }
 
-    /// The points with these indices, in their order, under the same tree. Indices beyond the end are left out.
+    /// Returns the points with these indices, in the given order, with the same tree.
+    ///
+    /// Indices beyond the end are ignored.
     #[must_use]
     pub fn select(&self, indices: &[u32]) -> Self {
         fn pick<T: Copy>(from: &[T], indices: &[u32]) -> Vec<T> {
@@ -87,7 +89,7 @@ impl LabelledCloud {
         }
     }
 
-    /// Multiplies all global positions by a factor above 0: those relative to the origin, and the origin.
+    /// Multiplies all global positions, including the origin, by a factor above 0.
     pub fn scale_by(&mut self, factor: f64) {
         self.origin *= factor;
         for position in &mut self.positions {
@@ -104,7 +106,7 @@ impl LabelledCloud {
         self.confidence.push(0.0);
     }
 
-    /// Adds all points of another cloud; the tree stays.
+    /// Adds all points of another cloud; the tree is unchanged.
     pub fn append(&mut self, other: &Self) {
         self.positions.extend_from_slice(&other.positions);
         self.normals.extend_from_slice(&other.normals);
@@ -113,7 +115,7 @@ impl LabelledCloud {
         self.confidence.extend_from_slice(&other.confidence);
     }
 
-    /// Adds a point like another cloud's at another place.
+    /// Adds a copy of another cloud's point at another position and with another normal.
     pub(crate) fn push_copy(
         &mut self,
         from: &Self,
@@ -128,7 +130,9 @@ impl LabelledCloud {
         self.confidence.push(from.confidence[point]);
     }
 
-    /// Adds the middle of some points, under a label and with the least of their confidences; returns its index.
+    /// Adds the mean of some points with a label and the minimum of their confidences.
+    ///
+    /// Returns the index of the new point.
     pub(crate) fn push_mean(&mut self, of: &[u32], label: LabelId) -> u32 {
         let share = 1.0 / of.len() as f32;
         let points = || of.iter().map(|&point| point as usize);
@@ -161,7 +165,9 @@ impl LabelledCloud {
         self.len() as u32 - 1
     }
 
-    /// The cloud with every label read at `level` (1 = top); the tree stays whole.
+    /// Returns the cloud with every label replaced by its ancestor at `level` (1 = top).
+    ///
+    /// The tree is unchanged.
     #[must_use]
     pub fn at_level(&self, level: usize) -> Self {
         let mut cloud = self.clone();
@@ -172,7 +178,7 @@ impl LabelledCloud {
         cloud
     }
 
-    /// The colours of the points' labels; [`UNLABELLED_COLOR`] where there is none.
+    /// Returns the label colour of each point; [`UNLABELLED_COLOR`] for unlabelled points.
     #[must_use]
     pub fn label_colors(&self) -> Vec<[u8; 3]> {
         let mut table = vec![UNLABELLED_COLOR; usize::from(u16::MAX) + 1];
@@ -186,7 +192,7 @@ impl LabelledCloud {
     }
 }
 
-/// For every id up to the largest of the tree, its ancestor at `level`.
+/// Returns the ancestor at `level` for every id up to the largest one of the tree.
 fn level_table(tree: &LabelTree, level: usize) -> Vec<LabelId> {
     let last = tree.iter().last().map_or(0, |label| label.id.0);
     (0..=last)
@@ -194,7 +200,7 @@ fn level_table(tree: &LabelTree, level: usize) -> Vec<LabelId> {
         .collect()
 }
 
-/// Gives every id of `ids` that the tree lacks a top-level label named after its number.
+/// Adds a top-level label named after its number for every id that the tree lacks.
 pub(crate) fn name_unknown_labels(tree: &mut LabelTree, ids: impl IntoIterator<Item = LabelId>) {
     for id in ids {
         if id == LabelId::NONE || tree.get(id).is_some() {
@@ -229,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn levels_and_selection() {
+    fn at_level_and_select_pick_labels_and_points() {
         let mut cloud =
             LabelledCloud::from_positions(vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y]);
         cloud.tree.set(label(1, "plant", None)).unwrap();

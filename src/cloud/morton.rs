@@ -1,6 +1,7 @@
-/// The lowest 21 bits of three numbers interleaved, the last number's at the bottom: a place along the Z-order curve
-/// (Morton, A computer oriented geodetic data base, IBM 1966), along which places near each other in space are mostly near
-/// each other in order.
+/// Interleaves the lowest 21 bits of three numbers, with the last one in the lowest bit.
+///
+/// The result is the position along the Z-order curve (Morton, A computer oriented geodetic data
+/// base, IBM 1966). Cells that are close in space are mostly close along the curve.
 #[must_use]
 pub fn morton(cell: [u64; 3]) -> u64 {
     let spread = |value: u64| {

@@ -1,4 +1,4 @@
-//! Verbs on bare points: neighbours, spacing, outliers, normals, thinning.
+//! Operations on bare points: neighbours, spacing, outliers, normals, downsampling.
 
 use std::collections::BTreeMap;
 use std::num::NonZero;
@@ -14,7 +14,7 @@ use ostra_core::job::Progress;
 use ostra_core::statistics::upper_median;
 use ostra_masks::LabelId;
 
-/// Points whose distance to their neighbour is measured for [`spacing`].
+/// Maximum number of points sampled by [`spacing`].
 const SPACING_SAMPLES: usize = 2000;
 
 /// A k-d tree over points.
@@ -32,10 +32,13 @@ impl std::fmt::Debug for Neighbours {
 }
 
 impl Neighbours {
-    /// Builds the tree; `None` without points. Points that are not finite are never anybody's neighbour.
+    /// Builds the tree, or returns `None` if there are no points.
+    ///
+    /// Non-finite points are excluded from all queries.
     #[must_use]
     pub fn new(points: &[Vec3]) -> Option<Self> {
-        // So far away that it is not found, so near that its distance is still a number.
+        // Far enough not to be found, and near enough for the squared distance to be a finite
+        // number.
         let place = |point: &Vec3| {
             if point.is_finite() {
                 point.to_array()
@@ -54,7 +57,7 @@ impl Neighbours {
         })
     }
 
-    /// The nearest point, as (index, distance).
+    /// Returns the nearest point as (index, distance).
     #[must_use]
     pub fn nearest(&self, to: Vec3) -> (usize, f32) {
         let found = self
@@ -65,7 +68,7 @@ impl Neighbours {
         (found.item as usize, found.distance.sqrt())
     }
 
-    /// The `count` nearest points (fewer where there are not as many), nearest first, as (index, distance).
+    /// Returns the up to `count` nearest points as (index, distance), nearest first.
     #[must_use]
     pub fn nearest_n(&self, to: Vec3, count: usize) -> Vec<(usize, f32)> {
         let Some(count) = NonZero::new(count.min(self.count)) else {
@@ -82,7 +85,7 @@ impl Neighbours {
             .collect()
     }
 
-    /// As [`spacing`], of the points that the tree was built of.
+    /// Returns the same as [`spacing`]; `points` are those that the tree was built from.
     #[must_use]
     pub fn spacing(&self, points: &[Vec3]) -> Option<f64> {
         let step = points.len().div_ceil(SPACING_SAMPLES).max(1);
@@ -103,20 +106,22 @@ impl Neighbours {
     }
 }
 
-/// How far apart neighbours typically are: the median distance of a point to the nearest at another place; `None` for
-/// fewer than two places.
+/// Returns the typical distance between neighbouring points.
+///
+/// This is the median distance of a point to the nearest one at another position. Returns `None` if
+/// there are fewer than two distinct positions.
 #[must_use]
 pub fn spacing(points: &[Vec3]) -> Option<f64> {
     Neighbours::new(points)?.spacing(points)
 }
 
-/// Which points lie apart from all others.
+/// Options of statistical outlier detection.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct OutlierOptions {
-    /// Neighbours whose mean distance is taken; at least 1.
+    /// Number of neighbours whose mean distance is computed; at least 1.
     pub neighbours: usize,
-    /// Standard deviations above the mean of all points at which a point is an outlier; 0 or more.
+    /// Number of standard deviations above the mean that makes an outlier; 0 or more.
     pub std_ratio: f64,
 }
 
@@ -129,12 +134,15 @@ impl Default for OutlierOptions {
     }
 }
 
-/// Statistical outlier removal (Rusu, Marton, Blodow, Dolha, Beetz: *Towards 3D point cloud based object maps for
-/// household environments*, Robotics and Autonomous Systems 2008): says for each point whether the mean distance to its
-/// neighbours is above that of all points by more than so many standard deviations.
+/// Returns for each point whether it is a statistical outlier.
+///
+/// A point is an outlier if the mean distance to its neighbours exceeds the mean over all points by
+/// more than `std_ratio` standard deviations. See Rusu, Marton, Blodow, Dolha, Beetz: *Towards 3D
+/// point cloud based object maps for household environments*, Robotics and Autonomous Systems 2008.
 ///
 /// # Errors
-/// [`SceneError::Stopped`].
+///
+/// Returns [`SceneError::Stopped`] if the job is stopped.
 pub fn outliers(
     points: &[Vec3],
     options: &OutlierOptions,
@@ -145,7 +153,7 @@ pub fn outliers(
         return Ok(Vec::new());
     };
     let mean_distance = |&point: &Vec3| {
-        // The nearest of all is the point itself.
+        // The nearest point is the point itself.
         let around = neighbours.nearest_n(point, options.neighbours.max(1) + 1);
         let others = around.get(1..).unwrap_or_default();
         others
@@ -174,11 +182,11 @@ pub fn outliers(
     Ok(distances.iter().map(|&distance| distance > limit).collect())
 }
 
-/// How normals are found from points alone.
+/// Options of normal estimation from points alone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct NormalOptions {
-    /// Nearest points that a plane is laid through, the point itself among them; at least 3.
+    /// Number of nearest points for the plane fit, including the point itself; at least 3.
     pub neighbours: usize,
 }
 
@@ -188,12 +196,16 @@ impl Default for NormalOptions {
     }
 }
 
-/// Unit normals of the planes that fit each point's neighbours best (Hoppe et al., *Surface reconstruction from
-/// unorganized points*, SIGGRAPH 1992), turned towards the nearest of the `viewpoints` (camera centres), or without any
-/// away from the middle of the cloud. Zero where the neighbours lie in a line or a point.
+/// Estimates the unit normals of the planes that best fit each point's neighbours.
+///
+/// The method is that of Hoppe et al., *Surface reconstruction from unorganized points* (SIGGRAPH
+/// 1992). Normals point towards the nearest of the `viewpoints` (camera centres), or away from the
+/// centroid of the cloud if there are none. The normal is zero if the neighbours are collinear or
+/// coincident.
 ///
 /// # Errors
-/// [`SceneError::Stopped`].
+///
+/// Returns [`SceneError::Stopped`] if the job is stopped.
 pub fn estimate_normals(
     points: &[Vec3],
     viewpoints: &[Vec3],
@@ -234,7 +246,7 @@ pub fn estimate_normals(
     Ok(chunks.concat())
 }
 
-/// The direction in which the points spread least; zero where that is not one direction.
+/// Returns the direction of least spread of the points, or zero if it is not unique.
 fn plane_normal(points: impl Iterator<Item = Vec3> + Clone) -> Vec3 {
     let exact = |point: Vec3| Vector3::from(point.as_dvec3().to_array());
     let count = points.clone().count() as f64;
@@ -246,7 +258,7 @@ fn plane_normal(points: impl Iterator<Item = Vec3> + Clone) -> Vec3 {
     let mut order = [0, 1, 2];
     order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
     let [least, second, most] = order.map(|index| eigen.eigenvalues[index].max(0.0));
-    // In a line two directions spread equally little.
+    // On a line, the spread is equally small in two directions.
     if second - least <= 1e-9 * most || most <= 0.0 {
         return Vec3::ZERO;
     }
@@ -259,11 +271,15 @@ fn plane_normal(points: impl Iterator<Item = Vec3> + Clone) -> Vec3 {
     .normalize_or_zero()
 }
 
-/// One point for each cube of edge `voxel` that holds points: mean position, colour and normal; the label that most of
-/// its points have (the smaller id in a tie), and as confidence the sum of that label's confidences over all its points.
+/// Reduces a cloud to one point per occupied cube of edge length `voxel`.
+///
+/// Positions, colours and normals are averaged. The label is the one that most of the points have,
+/// and the smaller id in a tie. Its confidence is the sum of its confidences divided by the number
+/// of all points in the cube.
 ///
 /// # Errors
-/// [`SceneError::Request`] for an edge that is no length above 0.
+///
+/// Returns [`SceneError::Request`] if the edge length is not above 0.
 pub fn downsample(cloud: &LabelledCloud, voxel: f64) -> Result<LabelledCloud, SceneError> {
     if !(voxel.is_finite() && voxel > 0.0) {
         return Err(SceneError::Request(format!(
@@ -311,7 +327,7 @@ fn push_mean(thin: &mut LabelledCloud, cloud: &LabelledCloud, members: &[usize])
     thin.confidence.push((confidence / count) as f32);
 }
 
-/// The label that most members have, and the sum of their confidences.
+/// Returns the label that most members have, and the sum of its confidences.
 fn winner(cloud: &LabelledCloud, members: &[usize]) -> (LabelId, f64) {
     let mut votes: BTreeMap<LabelId, (usize, f64)> = BTreeMap::new();
     for &index in members {
@@ -333,7 +349,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn nearest_is_nearest(raw in prop::collection::vec(prop::array::uniform3(-4i8..4), 1..200), to in prop::array::uniform3(-6i8..6)) {
+        fn queries_agree_with_a_linear_search(raw in prop::collection::vec(prop::array::uniform3(-4i8..4), 1..200), to in prop::array::uniform3(-6i8..6)) {
             let point = |p: &[i8; 3]| Vec3::from_array(p.map(f32::from));
             let points: Vec<Vec3> = raw.iter().map(point).collect();
             let to = point(&to);
@@ -351,7 +367,7 @@ mod tests {
     }
 
     #[test]
-    fn spacing_of_a_lattice() {
+    fn spacing_of_a_lattice_is_its_step() {
         let points: Vec<Vec3> = (0..1000)
             .map(|i| Vec3::new((i % 10) as f32, (i / 10 % 10) as f32, (i / 100) as f32) * 0.25)
             .collect();
@@ -361,14 +377,14 @@ mod tests {
     }
 
     #[test]
-    fn many_points_in_one_place() {
+    fn coincident_points_can_be_queried() {
         let neighbours = Neighbours::new(&vec![Vec3::ONE; 5000]).unwrap();
         assert_eq!(neighbours.nearest(Vec3::ZERO).1, 3f32.sqrt());
         assert_eq!(neighbours.nearest_n(Vec3::ZERO, 40).len(), 40);
     }
 
     #[test]
-    fn what_lies_apart_is_found() {
+    fn isolated_points_are_outliers() {
         let mut points: Vec<Vec3> = (0..900)
             .map(|i| Vec3::new((i % 30) as f32, (i / 30) as f32, 0.0))
             .collect();
@@ -407,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sphere_points_outwards_and_towards_a_camera_inside_inwards() {
+    fn normals_point_outwards_or_towards_the_camera() {
         let points = sphere();
         let out = estimate_normals(
             &points,
@@ -438,7 +454,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_has_no_normal() {
+    fn points_on_a_line_have_no_normals() {
         let line: Vec<Vec3> = (0..50).map(|i| Vec3::X * i as f32).collect();
         let normals =
             estimate_normals(&line, &[], &NormalOptions::default(), &Progress::default()).unwrap();
@@ -446,7 +462,7 @@ mod tests {
     }
 
     #[test]
-    fn means_and_majority() {
+    fn downsampling_averages_points_and_takes_the_majority_label() {
         let mut cloud = LabelledCloud::from_positions(vec![
             Vec3::new(0.1, 0.0, 0.0),
             Vec3::new(2.5, 0.0, 0.0),
@@ -468,7 +484,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tie_goes_to_the_smaller_id() {
+    fn tie_goes_to_the_smaller_id() {
         let mut cloud = LabelledCloud::from_positions(vec![Vec3::ZERO; 2]);
         cloud.labels = vec![LabelId(7), LabelId(3)];
         assert_eq!(downsample(&cloud, 1.0).unwrap().labels, [LabelId(3)]);

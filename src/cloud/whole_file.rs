@@ -5,10 +5,12 @@ use std::path::{Path, PathBuf};
 use super::SceneError;
 use ostra_core::disk::AtomicFile;
 
-/// Writes a file whole or not at all ([`AtomicFile`]).
+/// Writes a file completely or not at all ([`AtomicFile`]).
 ///
 /// # Errors
-/// [`SceneError::Io`], with the file's path where `write` gave none ([`unplaced`]); the other errors of `write`.
+///
+/// Returns the errors of `write`. A [`SceneError::Io`] without a path ([`unplaced`]) receives the
+/// path of the file.
 pub(super) fn write_whole(
     path: &Path,
     write: impl FnOnce(&mut File) -> Result<(), SceneError>,
@@ -28,7 +30,7 @@ pub(super) fn write_whole(
     })
 }
 
-/// A fault of the system in a file whose path is not known here.
+/// Wraps a system error in a file whose path is not known here.
 pub(super) fn unplaced(reason: Error) -> SceneError {
     SceneError::Io {
         path: PathBuf::new(),

@@ -1,7 +1,9 @@
 use super::{Pixel, close_blind};
 use ostra_masks::{LabelId, LabelMask};
 
-/// A picture drawn with letters: `c` chosen, `o` other, a blank blind; digits are the labels of the mask.
+/// Runs `close_blind` on an image drawn with letters.
+///
+/// `c` is selected, `o` is another point and a blank is unknown. Digits are the labels of the mask.
 fn closed(pixels: &[&str], labels: &[&str]) -> Vec<String> {
     let kind = |letter: u8| match letter {
         b'c' => Pixel::Chosen,
@@ -32,7 +34,7 @@ fn closed(pixels: &[&str], labels: &[&str]) -> Vec<String> {
 }
 
 #[test]
-fn blind_pixels_go_with_the_nearest_of_their_label() {
+fn unknown_pixels_follow_the_nearest_of_their_label() {
     assert_eq!(closed(&["c  o"], &["1111"]), ["cc o"]);
     assert_eq!(
         closed(&["c  o"], &["1121"]),
@@ -43,7 +45,7 @@ fn blind_pixels_go_with_the_nearest_of_their_label() {
 }
 
 #[test]
-fn holes_without_a_label_are_closed_and_open_ones_are_not() {
+fn enclosed_unlabelled_holes_are_closed() {
     let ring = [
         "ccccccccc",
         "c       c",

@@ -2,7 +2,7 @@ use super::contradiction;
 use ostra_masks::{LabelId, LabelMask};
 
 #[test]
-fn a_wrong_name_and_a_lost_part_are_contradicted_but_not_a_border_a_pixel_aside() {
+fn wrong_labels_and_lost_parts_conflict_but_displaced_borders_do_not() {
     let (width, height) = (40, 30);
     let block = |mask: &mut LabelMask,
                  columns: std::ops::Range<usize>,

@@ -1,4 +1,4 @@
-//! Formats by file ending, and the file that keeps the origin.
+//! File formats, chosen by file extension, and the file that stores the origin.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -12,25 +12,25 @@ use crate::whole_file::{unplaced, write_whole};
 use crate::{LabelledCloud, LabelledMesh, SceneError};
 use ostra_core::job::Progress;
 
-/// A kind of file that a labelled cloud can be written to.
+/// A file format for labelled clouds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum CloudFormat {
-    /// Labels and confidences, label names as comments.
+    /// Labels and confidences, with label names as comments.
     #[default]
     Ply,
-    /// LAS 1.4: the top label as classification, all else as extra bytes.
+    /// LAS 1.4: the top-level label as classification, everything else as extra bytes.
     Las,
-    /// LAS 1.4, compressed.
+    /// Compressed LAS 1.4.
     Laz,
-    /// The binary files of the Point Cloud Library.
+    /// Binary PCD, the format of the Point Cloud Library.
     Pcd,
 }
 
 impl CloudFormat {
-    /// All.
+    /// All cloud formats.
     pub const ALL: [Self; 4] = [Self::Ply, Self::Las, Self::Laz, Self::Pcd];
 
-    /// What the names of its files end in.
+    /// Returns the file extension of this format, without the dot.
     #[must_use]
     pub const fn ending(self) -> &'static str {
         match self {
@@ -41,10 +41,11 @@ impl CloudFormat {
         }
     }
 
-    /// The format of a file, told from its ending.
+    /// Returns the format that the extension of `path` stands for.
     ///
     /// # Errors
-    /// [`SceneError::Invalid`] for an ending of none.
+    ///
+    /// Returns [`SceneError::Invalid`] if no cloud format has this extension.
     pub fn of(path: &Path) -> Result<Self, SceneError> {
         by_ending(
             path,
@@ -53,11 +54,15 @@ impl CloudFormat {
         )
     }
 
-    /// Writes a cloud; a stop or fault leaves what was there.
+    /// Writes a cloud to `path`.
+    ///
+    /// The previous file is left intact if the job is stopped or fails.
     ///
     /// # Errors
-    /// [`SceneError::Io`], [`SceneError::Request`] for a cloud without points or one that the format cannot hold,
-    /// [`SceneError::Stopped`].
+    ///
+    /// Returns [`SceneError::Io`] if the file cannot be written. Returns [`SceneError::Request`] if
+    /// the cloud has no points or the format cannot hold it. Returns [`SceneError::Stopped`] if the
+    /// job is stopped.
     pub fn save(
         self,
         path: &Path,
@@ -78,39 +83,42 @@ impl CloudFormat {
         }
     }
 
-    /// Writes what the label ids and classes of a cloud at `path` mean, beside it, as `STEM.classes.json`: a list of
-    /// `{"id", "name", "parent", "color", "las_class"}`, parents by their id or null, colours as `#rrggbb`.
+    /// Writes the label table of a cloud at `path` to `STEM.classes.json` next to it.
+    ///
+    /// The file is a list of `{"id", "name", "parent", "color", "las_class"}`. A parent is an id or
+    /// null; a colour is written as `#rrggbb`.
     ///
     /// # Errors
-    /// [`SceneError::Io`].
+    ///
+    /// Returns [`SceneError::Io`] if the file cannot be written.
     pub fn save_classes(path: &Path, cloud: &LabelledCloud) -> Result<(), SceneError> {
         labels::save(&Self::classes_path(path), &cloud.tree)
     }
 
-    /// Where [`Self::save_classes`] writes for a cloud at `path`.
+    /// Returns the path that [`Self::save_classes`] writes to for a cloud at `path`.
     #[must_use]
     pub fn classes_path(path: &Path) -> PathBuf {
         path.with_extension("classes.json")
     }
 }
 
-/// A kind of file that a labelled mesh can be written to.
+/// A file format for labelled meshes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MeshFormat {
-    /// Labels and confidences of the vertices, label names as comments.
+    /// Labels and confidences per vertex, with label names as comments.
     #[default]
     Ply,
-    /// Wavefront OBJ, with a material for each label in an MTL beside it; without confidences.
+    /// Wavefront OBJ without confidences; an MTL file next to it has one material per label.
     Obj,
-    /// Binary glTF 2.0 with a node for each label, turned upright.
+    /// Binary glTF 2.0 with one node per label, rotated so that up is up.
     Glb,
 }
 
 impl MeshFormat {
-    /// All.
+    /// All mesh formats.
     pub const ALL: [Self; 3] = [Self::Ply, Self::Obj, Self::Glb];
 
-    /// What the names of its files end in.
+    /// Returns the file extension of this format, without the dot.
     #[must_use]
     pub const fn ending(self) -> &'static str {
         match self {
@@ -120,10 +128,11 @@ impl MeshFormat {
         }
     }
 
-    /// The format of a file, told from its ending.
+    /// Returns the format that the extension of `path` stands for.
     ///
     /// # Errors
-    /// [`SceneError::Invalid`] for an ending of none.
+    ///
+    /// Returns [`SceneError::Invalid`] if no mesh format has this extension.
     pub fn of(path: &Path) -> Result<Self, SceneError> {
         by_ending(
             path,
@@ -132,7 +141,9 @@ impl MeshFormat {
         )
     }
 
-    /// The file of materials that is written next to a mesh at `path`; `None` where its format has none.
+    /// Returns the path of the material file written next to a mesh at `path`.
+    ///
+    /// Returns `None` for formats without a material file.
     #[must_use]
     pub fn materials_path(path: &Path) -> Option<PathBuf> {
         Self::of(path)
@@ -140,11 +151,15 @@ impl MeshFormat {
             .then(|| obj::materials_path(path))
     }
 
-    /// Writes a mesh whose triangles lie in one label each ([`LabelledMesh::split_at_labels`]); a stop or fault leaves
-    /// what was there.
+    /// Writes a mesh to `path`.
+    ///
+    /// Every triangle must lie within one label; see [`LabelledMesh::split_at_labels`]. The
+    /// previous file is left intact if the job is stopped or fails.
     ///
     /// # Errors
-    /// [`SceneError::Io`], [`SceneError::Request`] for what the format cannot hold, [`SceneError::Stopped`].
+    ///
+    /// Returns [`SceneError::Io`] if the file cannot be written. Returns [`SceneError::Request`] if
+    /// the format cannot hold the mesh. Returns [`SceneError::Stopped`] if the job is stopped.
     pub fn save(
         self,
         path: &Path,
@@ -160,23 +175,26 @@ impl MeshFormat {
     }
 }
 
-/// A kind of file that voxels (as [`crate::voxelize`] makes them) can be written to.
+/// A file format for voxels as returned by [`crate::voxelize`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum VoxelFormat {
-    /// A point at the middle of each.
+    /// One point at the centre of each voxel.
     #[default]
     Ply,
-    /// NumPy arrays: places in the grid, labels, confidences, colours, the grid's origin and edge, label names.
+    /// NumPy arrays with grid indices and all attributes.
+    ///
+    /// The attributes are labels, confidences, colours, the origin of the grid, the voxel size and
+    /// the label names.
     Npz,
-    /// MagicaVoxel: an object for each label, in the labels' colours; without confidences and the edge's length.
+    /// MagicaVoxel: one object per label in its colour, without confidences and voxel size.
     Vox,
 }
 
 impl VoxelFormat {
-    /// All.
+    /// All voxel formats.
     pub const ALL: [Self; 3] = [Self::Ply, Self::Npz, Self::Vox];
 
-    /// What the names of its files end in.
+    /// Returns the file extension of this format, without the dot.
     #[must_use]
     pub const fn ending(self) -> &'static str {
         match self {
@@ -186,10 +204,11 @@ impl VoxelFormat {
         }
     }
 
-    /// The format of a file, told from its ending.
+    /// Returns the format that the extension of `path` stands for.
     ///
     /// # Errors
-    /// [`SceneError::Invalid`] for an ending of none.
+    ///
+    /// Returns [`SceneError::Invalid`] if no voxel format has this extension.
     pub fn of(path: &Path) -> Result<Self, SceneError> {
         by_ending(
             path,
@@ -198,16 +217,20 @@ impl VoxelFormat {
         )
     }
 
-    /// Whether a file in the pictures' colours and one in the labels' differ.
+    /// Returns whether a file in image colours differs from one in label colours.
     #[must_use]
     pub fn has_twin(self) -> bool {
         self != Self::Vox
     }
 
-    /// Writes voxels of edge `voxel` (world units); a stop or fault leaves what was there.
+    /// Writes voxels with edge length `voxel` (world units) to `path`.
+    ///
+    /// The previous file is left intact if the job is stopped or fails.
     ///
     /// # Errors
-    /// [`SceneError::Io`], [`SceneError::Request`] for what the format cannot hold, [`SceneError::Stopped`].
+    ///
+    /// Returns [`SceneError::Io`] if the file cannot be written. Returns [`SceneError::Request`] if
+    /// the format cannot hold the voxels. Returns [`SceneError::Stopped`] if the job is stopped.
     pub fn save(
         self,
         path: &Path,
@@ -224,7 +247,7 @@ impl VoxelFormat {
     }
 }
 
-/// What the ending of a file stands for.
+/// Returns the entry of `known` whose extension matches that of `path`.
 fn by_ending<T: Copy, const N: usize>(
     path: &Path,
     known: [(T, &str); N],
@@ -247,7 +270,10 @@ fn by_ending<T: Copy, const N: usize>(
     })
 }
 
-/// Where [`save_origin`] writes: by the whole name, because a cloud and a mesh of one stem have a file each.
+/// Returns the path that [`save_origin`] writes to.
+///
+/// It is derived from the whole file name, because a cloud and a mesh with the same stem have
+/// separate origin files.
 #[must_use]
 pub fn origin_path(path: &Path) -> PathBuf {
     path.with_file_name(format!(
@@ -256,11 +282,14 @@ pub fn origin_path(path: &Path) -> PathBuf {
     ))
 }
 
-/// Writes `NAME.origin.json` next to a file whose positions are relative to an origin other than zero, and returns what
-/// the user should know. LAS, LAZ and NPZ hold global coordinates themselves; the file says the same of them.
+/// Writes `NAME.origin.json` next to a file whose positions are relative to a non-zero origin.
+///
+/// Returns a note for the user, if there is one. LAS, LAZ and NPZ files already hold global
+/// coordinates; for them the file says so and no note is returned.
 ///
 /// # Errors
-/// [`SceneError::Io`] where it cannot be written.
+///
+/// Returns [`SceneError::Io`] if the file cannot be written.
 pub fn save_origin(path: &Path, origin: DVec3) -> Result<Option<String>, SceneError> {
     if origin == DVec3::ZERO {
         return Ok(None);

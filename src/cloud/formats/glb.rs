@@ -16,17 +16,17 @@ const UNSIGNED_SHORT: u32 = 5123;
 const UNSIGNED_INT: u32 = 5125;
 const FLOAT: u32 = 5126;
 
-/// What a column of the binary part holds.
+/// Layout of one column of the binary chunk.
 struct Column {
     name: &'static str,
     component: u32,
     shape: &'static str,
     normalized: bool,
-    /// Bytes of an entry with its padding.
+    /// Bytes per entry, including padding.
     stride: usize,
 }
 
-/// The columns in the order in which they lie in the file; a label's entries lie together in each.
+/// Columns in file order. Within each column the entries of one label are contiguous.
 const COLUMNS: [Column; 6] = [
     Column {
         name: "POSITION",
@@ -72,10 +72,13 @@ const COLUMNS: [Column; 6] = [
     },
 ];
 
-/// Writes a mesh as binary glTF 2.0 (Khronos Group, 2017): a root node that turns the world's axes (x right, y down,
-/// z forward) into glTF's (y up) and below it a node, mesh and material for each label, named by the label's path.
-/// Vertices have positions in world units, normals, linear colours (16 bits, so that dark ones stay apart), `_LABEL` and
-/// `_CONFIDENCE`; a node's `extras` tell the label's id, name, parent and colour.
+/// Writes a mesh as binary glTF 2.0 (Khronos Group, 2017).
+///
+/// A root node rotates the world axes (x right, y down, z forward) into those of glTF (y up). Below
+/// it there is a node, a mesh and a material per label, named after the label's path. Vertices have
+/// positions in world units, normals, linear colours, `_LABEL` and `_CONFIDENCE`. Colours have 16
+/// bits so that dark ones remain distinct. The `extras` of a node hold the label's id, name, parent
+/// and colour.
 pub(super) fn save(
     path: &Path,
     mesh: &LabelledMesh,
@@ -102,7 +105,7 @@ pub(super) fn save(
     })
 }
 
-/// The container: a header of 12 bytes, the JSON chunk, the binary chunk; both padded to 4 bytes.
+/// Writes the GLB container: a 12-byte header, the JSON chunk and the binary chunk.
 fn write(
     out: &mut impl Write,
     mut head: Vec<u8>,
@@ -131,7 +134,7 @@ fn write(
     Ok(())
 }
 
-/// Where the entries of a label will lie that come next into the columns.
+/// Returns the accessors of the label whose entries are appended to `columns` next.
 fn accessors_of(part: &LabelledMesh, columns: &[Vec<u8>; 6]) -> Vec<Value> {
     let accessor = |(view, (column, bytes)): (usize, (&Column, &Vec<u8>))| {
         let is_index = column.name == "indices";
@@ -175,7 +178,7 @@ fn fill(columns: &mut [Vec<u8>; 6], part: &LabelledMesh, coloring: Coloring) {
     };
     for (position, normal) in vertices.positions.iter().zip(&vertices.normals) {
         floats(positions, &position.to_array());
-        // glTF has unit normals alone; an unknown one looks back along the world's z.
+        // glTF requires unit normals; an unknown normal points backwards along the world's z axis.
         floats(normals, &normal.normalize_or(-Vec3::Z).to_array());
     }
     let linear = linear_channels();
@@ -196,7 +199,9 @@ fn fill(columns: &mut [Vec<u8>; 6], part: &LabelledMesh, coloring: Coloring) {
         .for_each(|vertex| indices.extend(vertex.to_le_bytes()));
 }
 
-/// sRGB (IEC 61966-2-1) to linear light, 16 bits: glTF's vertex colours are linear.
+/// Returns the table from sRGB (IEC 61966-2-1) to 16-bit linear light.
+///
+/// Vertex colours in glTF are linear.
 fn linear_channels() -> [u16; 256] {
     std::array::from_fn(|channel| {
         let encoded = channel as f64 / 255.0;
@@ -211,7 +216,7 @@ fn linear_channels() -> [u16; 256] {
 
 fn head(tree: &LabelTree, ids: &[LabelId], accessors: &[Value], columns: &[Vec<u8>; 6]) -> Value {
     let children: Vec<usize> = (1..=ids.len()).collect();
-    // Half a turn about x.
+    // A rotation by 180° about x.
     let root = json!({ "name": "scene", "rotation": [1.0, 0.0, 0.0, 0.0], "children": children });
     let node = |(mesh, &id): (usize, &LabelId)| {
         let parent = tree
@@ -249,7 +254,9 @@ fn head(tree: &LabelTree, ids: &[LabelId], accessors: &[Value], columns: &[Vec<u
     })
 }
 
-/// One view for each column; those of vertices tell their stride, that of the indices must not.
+/// Returns one buffer view per column.
+///
+/// The views of vertex data state their stride; the one of the indices must not.
 fn views(columns: &[Vec<u8>; 6]) -> Vec<Value> {
     const VERTICES: u32 = 34962;
     const INDICES: u32 = 34963;

@@ -1,4 +1,4 @@
-//! Labels in files: names, colours and class numbers.
+//! Names, colours and class numbers of labels in files.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -11,7 +11,7 @@ use crate::whole_file::{unplaced, write_whole};
 use crate::{SceneError, UNLABELLED_COLOR};
 use ostra_masks::{LabelId, LabelTree};
 
-/// The names from the top of the tree down to a label: `plant/leaf`.
+/// Returns the names from the root of the tree down to a label, as in `plant/leaf`.
 pub(super) fn path_name(tree: &LabelTree, id: LabelId) -> String {
     let path = tree.path(id);
     match path.is_empty() {
@@ -24,7 +24,9 @@ pub(super) fn path_name(tree: &LabelTree, id: LabelId) -> String {
     }
 }
 
-/// For each label a name like its path, of letters, digits, `-`, `_` and `/` alone and no other label's.
+/// Returns a unique name per label, derived from its path.
+///
+/// The names consist only of letters, digits, `-`, `_` and `/`.
 pub(super) fn safe_names(
     tree: &LabelTree,
     ids: impl Iterator<Item = LabelId>,
@@ -41,16 +43,21 @@ pub(super) fn safe_names(
     ids.map(name).collect()
 }
 
-/// A label's colour; grey for none.
+/// Returns the colour of a label, or grey if the tree does not have it.
 pub(super) fn color_of(tree: &LabelTree, id: LabelId) -> [u8; 3] {
     tree.get(id).map_or(UNLABELLED_COLOR, |label| label.color)
 }
 
-/// Classes below this one have a meaning by the standard (2 = ground, 6 = building, …): ASPRS, "LAS Specification 1.4-R15",
-/// 2019, table 17.
+/// First class without a standard meaning.
+///
+/// Classes below it are assigned by the standard (2 = ground, 6 = building, …): ASPRS, "LAS
+/// Specification 1.4-R15", 2019, table 17.
 const FIRST_CLASS: u8 = 64;
 
-/// The class of each label in a LAS file: that of its top label, the first of these 64, then 65, …; more than 192 share 255.
+/// Returns the LAS class of each label, which is the class of its top-level label.
+///
+/// Top-level labels are numbered from 64. If there are more than 192 of them, the remaining ones
+/// share class 255.
 pub(super) fn classes(tree: &LabelTree) -> BTreeMap<LabelId, u8> {
     let tops: Vec<LabelId> = tree
         .iter()

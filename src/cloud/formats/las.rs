@@ -1,4 +1,4 @@
-//! LAS and LAZ, written through a writer that reports faults at the end.
+//! LAS and LAZ files, written through a writer that reports errors at the end.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -15,9 +15,9 @@ use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::LabelId;
 
-/// Points between two looks at the stop sign.
+/// Points between two checks for cancellation.
 const STRIDE: usize = 1 << 14;
-/// Depth of the tree at which labels are instances: class › instance › part.
+/// Tree depth of instance labels: class › instance › part.
 const INSTANCE_LEVEL: usize = 2;
 
 /// Whether the points are compressed.
@@ -30,7 +30,7 @@ pub(super) enum Packing {
 /// Data types of extra bytes: ASPRS, "LAS Specification 1.4-R15", 2019, table 24.
 const U16: u8 = 3;
 const F32: u8 = 9;
-/// Name, type and description of the extra bytes, in their order.
+/// Name, type and description of the extra bytes, in file order.
 const EXTRA: [(&str, u8, &str); 6] = [
     ("label", U16, "deepest label, 0 = none"),
     ("instance", U16, "label at level 2, 0 = none"),
@@ -40,10 +40,12 @@ const EXTRA: [(&str, u8, &str); 6] = [
     ("normal_z", F32, "unit normal, 0 = unknown"),
 ];
 
-/// Writes LAS 1.4, point format 7: colours in 16 bits, the top label's class as classification, and as extra bytes what
-/// [`EXTRA`] lists. Written with the `las` crate rather than as E57 with the `e57` crate, because the programs
-/// that read E57 read LAS and PCD as well. Positions are kept to the resolution of their 32-bit floats. The
-/// time of writing is left out, so that the same cloud gives the same bytes.
+/// Writes LAS 1.4 with point format 7.
+///
+/// Colours have 16 bits, the classification is that of the top-level label, and the extra bytes are
+/// those listed in [`EXTRA`]. The `las` crate is used rather than the `e57` crate, because programs
+/// that read E57 also read LAS and PCD. Positions keep the resolution of their 32-bit floats. The
+/// time of writing is omitted, so that the same cloud gives the same bytes.
 pub(super) fn save(
     path: &Path,
     cloud: &LabelledCloud,
@@ -103,7 +105,9 @@ fn extra_bytes(cloud: &LabelledCloud, index: usize, instance: LabelId) -> Vec<u8
     bytes
 }
 
-/// For every id its ancestor at the level of instances; 0 for labels above it.
+/// Returns the ancestor at instance level for every label id.
+///
+/// Ids above the instance level map to 0.
 fn instances(cloud: &LabelledCloud) -> Vec<LabelId> {
     let instance = |id| match cloud.tree.depth(id) {
         depth if depth >= INSTANCE_LEVEL => cloud.tree.at_level(id, INSTANCE_LEVEL),
@@ -139,7 +143,7 @@ fn header(cloud: &LabelledCloud, packing: Packing) -> Result<las::Header, SceneE
     builder.into_header().map_err(refused)
 }
 
-/// An "extra bytes" descriptor of 192 bytes.
+/// Returns an "extra bytes" descriptor of 192 bytes.
 fn descriptor(name: &str, kind: u8, text: &str) -> Vec<u8> {
     let mut bytes = vec![0; 192];
     bytes[2] = kind;
@@ -148,8 +152,10 @@ fn descriptor(name: &str, kind: u8, text: &str) -> Vec<u8> {
     bytes
 }
 
-/// Offsets in the middle of the points around the origin, and as scale the power of ten below the resolution of their coordinates, or what
-/// 32-bit integers need.
+/// Returns the offset and scale of each axis.
+///
+/// The offset is the middle of the points. The scale is the power of ten below the resolution of
+/// the coordinates, or a larger one if 32-bit integers require it.
 fn transforms(positions: &[Vec3], origin: DVec3) -> Result<Vector<Transform>, SceneError> {
     if !positions.iter().all(|at| at.is_finite()) {
         return Err(SceneError::Request(
@@ -198,8 +204,10 @@ fn refused(error: las::Error) -> SceneError {
     }
 }
 
-/// A file whose faults are told at the end, by [`Patient::finish`]: the writer of the `las` crate panics when it is dropped
-/// and cannot write its end. After the first fault nothing more is written.
+/// A file writer that defers errors until [`Patient::finish`].
+///
+/// The writer of the `las` crate panics if it is dropped and cannot write the end of the file.
+/// After the first error nothing more is written.
 struct Patient {
     out: BufWriter<File>,
     fault: Option<io::Error>,
@@ -213,14 +221,19 @@ impl Patient {
         }
     }
 
+    /// Flushes the file.
+    ///
     /// # Errors
-    /// The first fault.
+    ///
+    /// Returns the first error of any operation on the writer.
     fn finish(mut self) -> io::Result<()> {
         self.fault.take().map_or(Ok(()), Err)?;
         self.out.flush()
     }
 
-    /// What `act` gives, or the default from the first fault on.
+    /// Returns the result of `act`, or the default value after an error.
+    ///
+    /// `act` is not called after the first error.
     fn unless_faulty<T: Default>(
         &mut self,
         act: impl FnOnce(&mut BufWriter<File>) -> io::Result<T>,
@@ -258,7 +271,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_full_disk_is_told_at_the_end() {
+    fn full_disk_is_reported_by_finish() {
         let Ok(full) = File::options().write(true).open("/dev/full") else {
             return;
         };

@@ -1,5 +1,7 @@
-//! Files of labelled clouds, meshes and voxels for other programs, told apart by their ending: PLY, LAS, LAZ and PCD;
-//! PLY, OBJ and GLB; PLY, NPZ and VOX.
+//! File formats of labelled clouds, meshes and voxels for other programs.
+//!
+//! The file extension selects the format: PLY, LAS, LAZ or PCD for clouds; PLY, OBJ or GLB for
+//! meshes; PLY, NPZ or VOX for voxels.
 
 mod file_format;
 mod glb;

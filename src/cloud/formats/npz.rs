@@ -1,4 +1,4 @@
-//! NPZ: NumPy arrays in a ZIP archive.
+//! NPZ files: NumPy arrays in a ZIP archive.
 
 use std::collections::BTreeSet;
 use std::io::{Cursor, Write};
@@ -17,15 +17,19 @@ use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::LabelId;
 
-/// Arrays that [`save`] writes.
+/// Number of arrays written by [`save`].
 const ARRAYS: usize = 8;
-/// Bytes of an array's entries from which its place in the zip is written in the form for more than 4 GiB (Zip64); some
-/// are left for the array's head.
+/// Array size in bytes from which a ZIP entry uses the Zip64 form for more than 4 GiB.
+///
+/// The limit leaves room for the header of the array.
 const LARGE_BYTES: u64 = u32::MAX as u64 - 4096;
 
-/// Writes voxels as NumPy arrays in a zip: `indices` (int32, N×3: places along x, y, z), `labels` (uint16), `confidence`
-/// (float32), `colors` (uint8, N×3, sRGB), `origin` (float64, 3) and `voxel_size` (float64), so that a voxel's middle is
-/// `origin + (index + 0.5) · voxel_size` in world units; and of all labels `label_ids` (uint16) and `label_names` (paths).
+/// Writes voxels as NumPy arrays in a ZIP archive.
+///
+/// The arrays per voxel are `indices` (int32, N×3, in the order x, y, z), `labels` (uint16),
+/// `confidence` (float32) and `colors` (uint8, N×3, sRGB). With `origin` (float64, 3) and
+/// `voxel_size` (float64), the centre of a voxel is `origin + (index + 0.5) · voxel_size` in world
+/// units. `label_ids` (uint16) and `label_names` (paths) list all labels.
 pub(super) fn save(
     path: &Path,
     voxels: &LabelledCloud,
@@ -65,7 +69,9 @@ pub(super) fn save(
     write_whole(path, |out| out.write_all(zip.get_ref()).map_err(unplaced))
 }
 
-/// A zip file of arrays, in memory: after an error of the disk, [`ZipWriter`] would write on standard error.
+/// A ZIP file of arrays, built in memory.
+///
+/// [`ZipWriter`] would print to standard error after a disk error.
 struct NpzWriter<'a> {
     zip: ZipWriter<Cursor<Vec<u8>>>,
     /// Arrays written so far.
@@ -74,7 +80,7 @@ struct NpzWriter<'a> {
 }
 
 impl NpzWriter<'_> {
-    /// Adds an array of `shape` entries along each axis, the last axis running fastest.
+    /// Adds an array with dimensions `shape` in row-major order.
     fn add<T: AutoSerialize>(
         &mut self,
         name: &str,
@@ -84,7 +90,7 @@ impl NpzWriter<'_> {
         self.write(name, shape, T::default_dtype(), entries)
     }
 
-    /// Adds an array of texts, all as wide as the longest: four bytes a letter, filled up with zeros.
+    /// Adds an array of strings, zero-padded to the longest one, at four bytes per character.
     fn add_texts(&mut self, name: &str, texts: &[String]) -> Result<(), SceneError> {
         let letters = texts.iter().map(|text| text.chars().count());
         let width = letters.max().unwrap_or(0).max(1);
@@ -105,7 +111,7 @@ impl NpzWriter<'_> {
         self.progress.step(self.arrays, ARRAYS)?;
         self.arrays += 1;
         let bytes = kind.num_bytes().unwrap_or(0) as u64 * shape.iter().product::<u64>();
-        // Nothing that depends on the time or the system, so that equal content gives equal bytes.
+        // Time and system are left out, so that equal content gives equal bytes.
         let stored = SimpleFileOptions::DEFAULT
             .compression_method(CompressionMethod::Stored)
             .system(System::Dos)

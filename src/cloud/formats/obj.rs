@@ -10,11 +10,14 @@ use crate::{LabelledMesh, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::{LabelId, LabelTree};
 
-/// Lines between two looks at the stop sign.
+/// Lines between two checks for cancellation.
 const STRIDE: usize = 1 << 15;
 
-/// Writes a mesh as Wavefront OBJ: `v x y z r g b` (colours 0–1, sRGB), `vn`, and for each label an object and a material
-/// named by its path. The materials lie in `STEM.mtl` beside it; the label tree stands in comments as in a PLY.
+/// Writes a mesh as Wavefront OBJ.
+///
+/// Vertices are `v x y z r g b` (sRGB colours, 0–1) with normals `vn`. Each label has an object and
+/// a material named after its path. The materials go to `STEM.mtl` next to the mesh. Comments hold
+/// the label tree, as in a PLY file.
 pub(super) fn save(
     path: &Path,
     mesh: &LabelledMesh,
@@ -46,7 +49,7 @@ pub(super) fn save(
     })
 }
 
-/// Where the materials of a mesh at `path` are written.
+/// Returns the path of the material file of a mesh at `path`.
 pub(super) fn materials_path(path: &Path) -> PathBuf {
     path.with_file_name(library_name(path))
 }
@@ -66,7 +69,7 @@ fn head(tree: &LabelTree, library: &str) -> String {
     format!("{comments}mtllib {library}\n")
 }
 
-/// The MTL: for each label a dull material of its colour.
+/// Returns the text of the MTL file: a matte material in the label's colour per label.
 fn materials(tree: &LabelTree, names: &BTreeMap<LabelId, String>) -> String {
     let mut text = String::new();
     for (&id, name) in names {
@@ -79,7 +82,7 @@ fn materials(tree: &LabelTree, names: &BTreeMap<LabelId, String>) -> String {
     text
 }
 
-/// Writes the object of one label; `before` vertices stand in the file already.
+/// Writes the object of one label, given the number of vertices already written.
 fn write_part(
     out: &mut impl Write,
     name: &str,

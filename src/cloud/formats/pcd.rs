@@ -6,11 +6,14 @@ use crate::whole_file::{unplaced, write_whole};
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 
-/// Points between two looks at the stop sign.
+/// Points between two checks for cancellation.
 const STRIDE: usize = 1 << 16;
 
-/// Writes PCD 0.7, binary: `x y z normal_x normal_y normal_z` float, `rgb` (0x00RRGGBB in 32 bits), `label` (32 bits, as the
-/// Point Cloud Library reads it), `confidence` float; the label tree stands in comments as in a PLY.
+/// Writes a binary PCD 0.7 file.
+///
+/// The fields are `x y z normal_x normal_y normal_z` (float), `rgb` (0x00RRGGBB in 32 bits),
+/// `label` (32 bits, as the Point Cloud Library reads it) and `confidence` (float). Comments hold
+/// the label tree, as in a PLY file.
 pub(super) fn save(
     path: &Path,
     cloud: &LabelledCloud,

@@ -1,4 +1,4 @@
-//! MagicaVoxel files, and the whole-number places of voxels.
+//! MagicaVoxel files, and integer grid indices of voxels.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{BufWriter, Write};
@@ -13,24 +13,26 @@ use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::LabelId;
 
-/// Voxels a side that a model can have.
+/// Maximum side length of a model, in voxels.
 const SIDE: i32 = 256;
-/// Colours that a palette can have.
+/// Maximum number of colours in a palette.
 const COLORS: usize = 255;
 
-/// The voxels of one label in one cube of the grid.
+/// The voxels of one label within one cube of the grid.
 struct LabelModel {
     name: String,
-    /// The palette's entry, from 0.
+    /// Palette index, counted from 0.
     color: u8,
     least: IVec3,
     size: IVec3,
     places: Vec<IVec3>,
 }
 
-/// Writes voxels for MagicaVoxel (version 150, with the scene graph of its extension): for each label an object named by
-/// its path, in several models of at most 256 voxels a side where it is larger; the palette holds the labels' colours in
-/// rising order of ids. The world's axes (x right, y down, z forward) become x, -z and y, so that up is up.
+/// Writes voxels for MagicaVoxel (version 150, with the scene graph extension).
+///
+/// Each label is an object named after its path. Larger objects are split into models of at most
+/// 256 voxels a side. The palette holds the label colours in ascending order of ids. The world axes
+/// (x right, y down, z forward) become x, -z and y, so that up is up.
 pub(super) fn save(
     path: &Path,
     voxels: &LabelledCloud,
@@ -111,8 +113,10 @@ fn vox_model(model: &LabelModel) -> Model {
     }
 }
 
-/// The scene: a transform and a group at the top, below them a transform (with the label's name and the model's place)
-/// and a shape for each model. What is shown stands on the ground in the middle.
+/// Returns the scene graph, centred and resting on the ground.
+///
+/// The root is a transform with a group. Below it, each model has a transform (with the label's
+/// name and the model's position) and a shape.
 fn scene_graph(models: &[LabelModel]) -> Vec<SceneNode> {
     let least = models
         .iter()
@@ -125,7 +129,7 @@ fn scene_graph(models: &[LabelModel]) -> Vec<SceneNode> {
         .reduce(IVec3::max)
         .unwrap_or_default();
     let ground = ((least + most) / 2).with_z(least.z);
-    // A node's number is its place in the list.
+    // The id of a node is its index in the list.
     let mut nodes = vec![
         transform(Dict::default(), 1, IVec3::ZERO),
         SceneNode::Group {
@@ -134,7 +138,7 @@ fn scene_graph(models: &[LabelModel]) -> Vec<SceneNode> {
         },
     ];
     for (model, model_id) in models.iter().zip(0..) {
-        // A model is placed by its middle.
+        // The position of a model is that of its centre.
         let place = model.least + model.size / 2 - ground;
         let name = Dict::from_iter([("_name".to_owned(), model.name.clone())]);
         nodes.push(transform(name, nodes.len() as u32 + 1, place));
@@ -165,16 +169,19 @@ fn palette(voxels: &LabelledCloud, ids: &BTreeSet<LabelId>) -> Vec<Color> {
     filled.map(|[r, g, b]| Color { r, g, b, a: 255 }).collect()
 }
 
-/// Where voxels lie in their grid.
+/// Grid indices of voxels.
 pub(super) struct Places {
-    /// The corner of the voxel at (0, 0, 0) that is lowest along each axis, world units.
+    /// The minimum corner of the voxel at (0, 0, 0), in world units.
     pub(super) origin: DVec3,
-    /// Each voxel's place along x, y and z, from 0.
+    /// The index of each voxel along x, y and z, from 0.
     pub(super) indices: Vec<IVec3>,
 }
 
 impl Places {
-    /// Of voxels of edge `voxel` (world units), each a point at its middle; the grid's corners are multiples of the edge.
+    /// Computes the grid indices of voxels with edge length `voxel` (world units).
+    ///
+    /// Each voxel is given as the point at its centre. Grid corners are multiples of the edge
+    /// length.
     pub(super) fn of(voxels: &LabelledCloud, voxel: f64) -> Result<Self, SceneError> {
         if voxels.is_empty() {
             return Err(SceneError::Request("there are no voxels to write".into()));

@@ -9,47 +9,60 @@ use crate::SceneError;
 use ostra_core::job::Progress;
 use ostra_masks::LabelId;
 
-/// Frames looked at.
+/// Maximum number of sampled frames.
 const FRAMES: usize = 48;
-/// Pixels of a frame looked at, about.
+/// Approximate number of sampled pixels per frame.
 const PIXELS: f64 = 80_000.0;
-/// Sizes at which cells are counted, each twice the one before.
+/// Number of cell sizes at which cells are counted, each twice the previous one.
 const LEVELS: usize = 3;
-/// Steps from pixel to pixel that a cell of the first size is wide: fewer would leave cells empty that frames see.
+/// Width of the smallest cells, in sampling steps between pixels.
+///
+/// With fewer steps, some cells that frames see would stay empty.
 const CELL_STEPS: f64 = 2.0;
-/// Voxels that a cloud is made of where no size is given. Layers of one surface become one point after, so that 2 to 4 million
-/// points are left: of 167 Kinect frames of a kitchen 3 million, with 1 cm as complete as the 15 million of one pixel a voxel.
+/// Target number of voxels of a cloud if no voxel size is given.
+///
+/// Layers of the same surface are merged afterwards, which leaves 2 to 4 million points. A kitchen
+/// in 167 Kinect frames gives 3 million points. At 1 cm they are as complete as the 15 million
+/// points of one voxel per pixel.
 const DEFAULT_VOXELS: f64 = 4e6;
 
-/// How finely frames measure surfaces, and how much of them: what default sizes of voxels follow from.
+/// How finely and how often the frames measure surfaces; default voxel sizes derive from it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coverage {
-    /// What a pixel covers at the median depth, world units; of labelled pixels where there are some.
+    /// Width of a pixel at the median depth, in world units.
+    ///
+    /// If there are labelled pixels, the median is over those.
     pub footprint: f64,
-    /// Frames that see the same place of a surface, on average.
+    /// Average number of frames that see the same place on a surface.
     pub views: f64,
-    /// Edge of the smallest cells that were counted, world units.
+    /// Edge length of the smallest counted cells, in world units.
     cell: f64,
-    /// Cells in which all frames see something: of that edge, of twice that edge and so on.
+    /// Estimated number of cells that all frames fill.
+    ///
+    /// The entries are for cells of edge `cell`, twice that edge and so on.
     filled: [f64; LEVELS],
 }
 
-/// Cells in which the frames looked at see something.
+/// Number of cells filled by the sampled frames.
 struct Counted {
-    /// All of them, by size.
+    /// Cells filled by all sampled frames, per cell size.
     all: [usize; LEVELS],
-    /// Those of every second frame.
+    /// Cells filled by every second sampled frame, per cell size.
     half: [usize; LEVELS],
-    /// Sum over the frames of the smallest cells.
+    /// Sum over the frames of the number of smallest cells that each fills.
     by_frame: usize,
 }
 
 impl Coverage {
-    /// Looks at the depths of some frames; `only_labelled` counts surfaces only where masks have labels. `None` when no frame
-    /// has a depth above 0.
+    /// Measures coverage from the depths of a sample of frames.
+    ///
+    /// With `only_labelled`, surfaces count only where masks have labels. Returns `None` if no
+    /// frame has a depth above 0.
     ///
     /// # Errors
-    /// What reading a depth says; [`SceneError::Stopped`].
+    ///
+    /// Returns the error of a depth that cannot be read. Returns [`SceneError::Stopped`] if the job
+    /// is stopped.
     pub fn measure(
         views: &dyn Views,
         usable: &[usize],
@@ -96,11 +109,11 @@ impl Coverage {
         }))
     }
 
-    /// About how many cells of this edge surfaces fill.
+    /// Estimates how many cells of edge length `edge` the surfaces fill.
     #[must_use]
     pub fn cells(&self, edge: f64) -> f64 {
         let level = (edge / self.cell).log2();
-        // A surface has two dimensions; noise adds to them, things that are small take away.
+        // A surface has two dimensions; noise adds to them, small objects reduce them.
         let slope = |first: usize| {
             (self.filled[first] / self.filled[first + 1])
                 .log2()
@@ -110,7 +123,7 @@ impl Coverage {
         self.filled[first] * ((first as f64 - level) * slope(first)).exp2()
     }
 
-    /// The smallest edge of which surfaces fill no more than about so many cells.
+    /// Returns the smallest edge length at which surfaces fill at most about `cells` cells.
     #[must_use]
     pub fn edge_for(&self, cells: f64) -> f64 {
         let (mut low, mut high) = (self.cell * 1e-6, self.cell * 1e6);
@@ -125,8 +138,9 @@ impl Coverage {
         high
     }
 
-    /// The edge of the voxels that a cloud is made of: what a pixel covers, or more where that would give more points than are
-    /// of use.
+    /// Returns the default voxel size of a cloud.
+    ///
+    /// This is the width of a pixel, or more if that would give more points than are useful.
     #[must_use]
     pub fn point_voxel(&self) -> f64 {
         let proportionate = self.edge_for(DEFAULT_VOXELS);
@@ -138,18 +152,18 @@ impl Coverage {
     }
 }
 
-/// Cells that pixels fall into.
+/// A grid of cells that pixels fall into.
 struct CellGrid {
     origin: DVec3,
-    /// Edge of a cell.
+    /// Edge length of a cell.
     cell: f64,
-    /// Every so many pixels are looked at, along rows and columns.
+    /// Sampling step between pixels, along rows and columns.
     step: usize,
     only_labelled: bool,
 }
 
 impl CellGrid {
-    /// The cells in which a frame sees something, each once, in order.
+    /// Returns the sorted, unique keys of the cells that a frame fills.
     fn keys(&self, views: &dyn Views, index: usize) -> Result<Vec<u64>, SceneError> {
         let (Some(view), Some(depth)) = (posed_view(&views.frames()[index])?, views.depth(index)?)
         else {
@@ -202,7 +216,9 @@ impl Counted {
         })
     }
 
-    /// About how many cells all `frames` fill, of which `looked_at` were looked at: twice as many frames filled that much more.
+    /// Extrapolates from the sampled frames to the number of cells that all `frames` fill.
+    ///
+    /// Each doubling of the number of frames is assumed to add the same factor as the last one did.
     fn in_frames(&self, level: usize, looked_at: usize, frames: usize) -> f64 {
         let all = self.all[level].max(1) as f64;
         let growth = all / self.half[level].max(1) as f64;
@@ -212,7 +228,7 @@ impl Counted {
     }
 }
 
-/// The number of cells, of cells twice as large and so on.
+/// Counts cells at every size, each twice as large as the previous one.
 fn by_size(cells: &FxHashSet<u64>) -> [usize; LEVELS] {
     let mut counts = [cells.len(); LEVELS];
     let mut larger: FxHashSet<u64> = cells.iter().map(|&key| twice_as_large(key)).collect();
@@ -223,7 +239,9 @@ fn by_size(cells: &FxHashSet<u64>) -> [usize; LEVELS] {
     counts
 }
 
-/// The key of the cell of twice the edge that holds a cell. Keys count from far below the origin, so halves round down.
+/// Returns the key of the cell of twice the edge length that contains the cell `key`.
+///
+/// Keys count from far below the origin, so halving rounds down.
 fn twice_as_large(key: u64) -> u64 {
     AXIS_SHIFTS.iter().fold(0, |larger, &shift| {
         larger | (key >> shift & 0x1F_FFFF) >> 1 << shift
@@ -235,7 +253,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn counts_are_continued_to_other_sizes() {
+    fn cell_counts_extrapolate_to_other_edge_lengths() {
         let coverage = Coverage {
             footprint: 0.001,
             views: 3.0,
@@ -269,14 +287,14 @@ mod tests {
     }
 
     #[test]
-    fn cells_are_halved_around_the_origin() {
+    fn cells_on_both_sides_of_the_origin_have_different_parents() {
         let twice = |index: [i32; 3]| twice_as_large(cell_key(index));
         assert_eq!(twice([-1, 0, 7]), twice([-2, 1, 6]));
         assert_ne!(twice([-1, 0, 0]), twice([0, 0, 0]));
     }
 
     #[test]
-    fn more_frames_see_more_as_far_as_they_did() {
+    fn cell_count_grows_with_frames_at_the_sampled_rate() {
         let counted = |half, all| Counted {
             all: [all; LEVELS],
             half: [half; LEVELS],

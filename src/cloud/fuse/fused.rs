@@ -1,4 +1,4 @@
-//! The result of a fusion: cloud, votes and the report of what was done.
+//! The result of a fusion: the cloud, the votes and a report.
 
 use std::collections::BTreeMap;
 
@@ -10,18 +10,18 @@ use crate::LabelledCloud;
 use crate::labelled_cloud::name_unknown_labels;
 use ostra_masks::{LabelId, LabelTree};
 
-/// What fusion makes.
+/// The result of a fusion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fused {
-    /// The labelled points.
+    /// Labelled points.
     pub cloud: LabelledCloud,
-    /// How they were voted on.
+    /// Votes on the points.
     pub votes: Votes,
-    /// What was done.
+    /// Summary of the fusion.
     pub report: FuseReport,
 }
 
-/// Leaves out what is not wanted and counts the rest.
+/// Counts the points for the report and drops unlabelled ones if requested.
 pub(super) fn finish(
     cloud: LabelledCloud,
     votes: Votes,
@@ -70,7 +70,7 @@ pub(super) fn finish(
     }
 }
 
-/// The cloud with the labels and confidences that the votes give under `tree`.
+/// Returns the cloud with the labels and confidences that the votes give under `tree`.
 pub(super) fn labelled(cloud: LabelledCloud, votes: &Votes, tree: &LabelTree) -> LabelledCloud {
     let verdicts = votes.decide(&Majority::new(tree));
     let mut tree = tree.clone();
@@ -83,66 +83,72 @@ pub(super) fn labelled(cloud: LabelledCloud, votes: &Votes, tree: &LabelTree) ->
     }
 }
 
-/// Points (or pixels) that fusion left out, by reason.
+/// Numbers of points (or pixels) that fusion left out, by reason.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Dropped {
-    /// Pixels that fly between two surfaces.
+    /// Flying pixels: blends between two surfaces.
     pub flying_pixels: usize,
     /// Pixels too far away for the voxel size.
     pub far_pixels: usize,
-    /// Points that too few frames measured.
+    /// Points measured by too few frames.
     pub few_views: usize,
-    /// Voxels that were another layer of a surface and became part of a neighbour.
+    /// Voxels that were another layer of a surface and were merged into a neighbour.
     #[serde(default)]
     pub layers: usize,
-    /// Points that lie apart from all others.
+    /// Statistical outliers: points far from all others.
     pub outliers: usize,
-    /// Points that no view gives a label, where these are not wanted: background.
+    /// Background: points that no view labels. Counted only if unlabelled points are dropped.
     pub background: usize,
-    /// Points that some views give a label and the vote does not, where these are not wanted: noise at contours.
+    /// Contour noise: points that some views label but the vote does not.
+    ///
+    /// Counted only if unlabelled points are dropped.
     pub contour: usize,
 }
 
-/// What a default size of voxels was chosen from.
+/// What a default voxel size was chosen from.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ChosenVoxel {
-    /// What a pixel covers at the median depth, world units.
+    /// Width of a pixel at the median depth, in world units.
     pub footprint: f64,
-    /// Frames that see the same place of a surface, on average.
+    /// Average number of frames that see the same place on a surface.
     pub views: f64,
 }
 
-/// What fusion did, for people.
+/// Summary of a fusion, for display.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct FuseReport {
-    /// Edge of a voxel in world units; 0 where a given cloud was labelled.
+    /// Voxel edge length in world units; 0 if an existing cloud was labelled.
     pub voxel: f64,
-    /// Why the voxels have that edge, where it was not given.
+    /// The basis of the voxel size if it was chosen automatically.
     #[serde(default)]
     pub chosen: Option<ChosenVoxel>,
-    /// Share of the depth by which a frame's depth may differ from a point that it sees.
+    /// Maximum depth difference between a frame and a point that it sees.
+    ///
+    /// It is a share of the depth.
     pub depth_tolerance: f64,
-    /// Frames that gave points.
+    /// Number of frames that contributed points.
     pub frames_fused: usize,
-    /// Frames that voted.
+    /// Number of frames that voted.
     pub frames_voted: usize,
-    /// Pixels with a depth.
+    /// Number of pixels with a depth.
     pub pixels: usize,
-    /// Points of the cloud.
+    /// Number of points in the cloud.
     pub points: usize,
-    /// Points for each label, 0 = unlabelled.
+    /// Number of points per label; 0 is unlabelled.
     pub labels: BTreeMap<LabelId, usize>,
-    /// What was left out.
+    /// Points and pixels that were left out.
     pub dropped: Dropped,
-    /// Points that no frame with a mask sees.
+    /// Number of points that no frame with a mask sees.
     pub unseen: usize,
-    /// Points that won a label with too small a share of the votes.
+    /// Number of points left unlabelled because the winning share of the votes was too small.
     pub unsure: usize,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
-/// One line that names frames, the first few of many; `None` where there are none.
+/// Returns a line that names up to five of the given frames.
+///
+/// Returns `None` if there are none.
 #[must_use]
 pub fn naming(what: &str, names: &[&str]) -> Option<String> {
     const SHOWN: usize = 5;

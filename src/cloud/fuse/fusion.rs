@@ -1,4 +1,4 @@
-//! Fusion: the points of all frames in one grid, and the vote on them.
+//! Fusion: collects the points of all frames in one grid and votes on their labels.
 
 use std::sync::Arc;
 
@@ -18,28 +18,36 @@ use ostra_frames::{DepthMap, Image};
 use ostra_geometry::{DepthTolerance, PosedCamera};
 use ostra_masks::LabelTree;
 
-/// How frames become a labelled cloud.
+/// Options of a fusion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FuseOptions {
-    /// Edge of a voxel in world units, above 0; every voxel that frames fill gives one point. `None` = what one pixel covers at the median depth, of the labelled pixels where there are
-    /// some, or more where that gives more than about 4 million voxels.
+    /// Voxel edge length in world units, above 0. Each voxel that frames fill gives one point.
+    ///
+    /// With `None`, it is the width of a pixel at the median depth, of the labelled pixels if there
+    /// are any. It is larger if that would give more than about 4 million voxels.
     pub voxel: Option<f64>,
-    /// Points whose label won a smaller share of the votes become unlabelled; 0–1.
+    /// Minimum share of the votes for a label, 0–1. Points below it become unlabelled.
     pub min_confidence: f32,
-    /// Leave points without a label out (the noise suppression of OSTRA).
+    /// Whether unlabelled points are dropped (OSTRA's noise suppression).
     pub drop_unlabelled: bool,
-    /// Frames that must have measured a point, at least 1.
+    /// Number of frames that must have measured a point, at least 1.
     pub min_views: u32,
-    /// A pixel counts as one surface with a neighbour whose depth differs by at most this share of the depth; pixels
-    /// with too few such neighbours fly between two surfaces and are left out. 0–1; 1 keeps every pixel.
+    /// Maximum depth difference between neighbouring pixels of one surface.
+    ///
+    /// It is a share of the depth, from 0 to 1. Pixels with too few neighbours within this
+    /// tolerance are flying pixels between two surfaces and are left out; 1 keeps every pixel.
     pub edge_tolerance: f32,
-    /// A frame sees a point when their depths differ by at most this share of the depth, and one voxel; 0–1. `None` =
-    /// measured: what nine tenths of the depths keep to.
+    /// Maximum depth difference between a frame and a point that it sees, as a share of the depth.
+    ///
+    /// One voxel is added to it. Ranges from 0 to 1. With `None` it is measured so that nine tenths
+    /// of the depths are within it.
     pub depth_tolerance: Option<f32>,
-    /// Statistical outlier removal; `None` = off.
+    /// Statistical outlier removal; `None` disables it.
     pub outliers: Option<OutlierOptions>,
-    /// Memory for the (frame, pixel) pairs that voted; beyond it they are not kept, and the report says so.
+    /// Memory budget in bytes for the (frame, pixel) pairs that voted.
+    ///
+    /// Beyond it the pairs are discarded, and the report says so.
     pub pair_budget_bytes: usize,
 }
 
@@ -58,24 +66,29 @@ impl Default for FuseOptions {
     }
 }
 
-/// Voxels above which a size that nobody gave was chosen too small.
+/// Number of voxels above which an automatically chosen voxel size is increased.
 const MANY_VOXELS: usize = 8_000_000;
-/// Voxels above which a given size is refused: they take about 10 GB.
+/// Number of voxels above which a given voxel size is refused: they take about 10 GB.
 const MAX_VOXELS: usize = 100_000_000;
-/// Frames that see a place, on average, from which on the layers of a surface become one: noise of so many frames fills the
-/// voxels before and behind it. Fewer frames make few layers, and thin parts lose by it.
+/// Average number of frames per surface place from which layers of a surface are merged.
+///
+/// The noise of that many frames fills the voxels in front of and behind a surface. Fewer frames
+/// make few layers, and merging would damage thin parts.
 const MANY_VIEWS: f64 = 10.0;
-/// What a voxel size that was chosen too small is multiplied by.
+/// Factor by which an automatically chosen voxel size that was too small is increased.
 const COARSER: f64 = 1.5;
 
-/// Makes a labelled cloud from all frames with depth and camera, and lets every frame with a mask vote on it.
+/// Fuses all frames with depth and camera into a cloud, and labels it by a vote of all masks.
 ///
-/// The same frames give the same bytes, whatever the number of threads. Frames without camera or depth are named in one
-/// warning each and left out (without depth but with camera and mask a frame still votes).
+/// The same frames give the same bytes, whatever the number of threads. Frames without a camera,
+/// and those without a depth, are left out and named in one warning each. A frame without depth
+/// still votes if it has a camera and a mask.
 ///
 /// # Errors
-/// [`SceneError::Request`] for options out of range, no usable frame, a mask or depth of another size than its frame;
-/// what reading a frame says; [`SceneError::Stopped`].
+///
+/// Returns [`SceneError::Request`] if options are out of range, if no frame is usable, or if the
+/// size of a mask or depth differs from that of its frame. Returns the error of a frame that cannot
+/// be read. Returns [`SceneError::Stopped`] if the job is stopped.
 pub fn fuse(
     views: &dyn Views,
     tree: &LabelTree,
@@ -94,7 +107,7 @@ pub fn fuse(
     let points = loop {
         match make_points(views, &usable, options, expected, &mut report, progress)? {
             Some(points) => break points,
-            // Few frames are looked at to choose; others may see much more.
+            // The size was chosen from a few frames; the others may see much more.
             None if options.voxel.is_none() => report.voxel = two_digits(report.voxel * COARSER),
             None => return Err(too_many(report.voxel)),
         }
@@ -130,7 +143,7 @@ pub fn fuse(
     ))
 }
 
-/// The default voxel size, and about how many voxels there will be.
+/// Chooses the default voxel size and estimates the number of voxels.
 fn choose_voxel(
     views: &dyn Views,
     usable: &[usize],
@@ -188,7 +201,7 @@ fn no_depth() -> SceneError {
     )
 }
 
-/// The frames that give points; the others are named in the warnings.
+/// Returns the frames that contribute points; the warnings name the others.
 fn usable_frames(views: &dyn Views, report: &mut FuseReport) -> Result<Vec<usize>, SceneError> {
     let (mut usable, mut no_camera, mut no_depth_names) = (Vec::new(), Vec::new(), Vec::new());
     for (index, frame) in views.frames().iter().enumerate() {
@@ -211,7 +224,7 @@ fn usable_frames(views: &dyn Views, report: &mut FuseReport) -> Result<Vec<usize
     }
 }
 
-/// The pixels of a frame.
+/// The image and the depth map of a frame.
 type Pixels = (Arc<Image>, Arc<DepthMap>);
 
 fn load(views: &dyn Views, index: usize) -> Result<Option<Pixels>, SceneError> {
@@ -225,7 +238,9 @@ fn load(views: &dyn Views, index: usize) -> Result<Option<Pixels>, SceneError> {
     Ok(Some((image, depth)))
 }
 
-/// Streams all usable frames through the grid; while one is added the next is decoded. `None` where there are too many voxels.
+/// Adds all usable frames to the grid, decoding each frame while the previous one is added.
+///
+/// Returns `None` if there are too many voxels.
 fn make_points(
     views: &dyn Views,
     usable: &[usize],

@@ -4,11 +4,13 @@ use super::voxel_map::{Cell, Sample, cell_key, shard_of};
 use ostra_frames::{DepthMap, Image};
 use ostra_geometry::{Camera, PosedCamera};
 
-/// Distance in pixels to the neighbours whose depths give the normal: wide enough to stand above a sensor's steps.
+/// Distance in pixels to the neighbours whose depths give the normal.
+///
+/// It is wide enough to be robust to the depth steps of a sensor.
 const NORMAL_REACH: isize = 2;
-/// The same as a number of rows.
+/// The same distance as a number of rows.
 const REACH: usize = NORMAL_REACH as usize;
-/// Neighbours of eight on the same surface that a pixel needs. A line one pixel wide has two.
+/// Minimum number of the eight neighbours on the same surface. A line one pixel wide has two.
 const MIN_SUPPORT: usize = 2;
 
 /// The viewing rays of one camera: (x, y) on the plane z = 1 for every pixel.
@@ -35,30 +37,32 @@ impl Rays {
         }
     }
 
-    /// Whether these are the rays of `camera`.
+    /// Returns whether these are the rays of `camera`.
     pub(super) fn fit(&self, camera: &Camera) -> bool {
         self.camera == *camera
     }
 }
 
-/// One frame's pixels on their way into the grid.
+/// Unprojects the pixels of one frame into the grid.
 pub(super) struct Lift<'a> {
     image: &'a Image,
     depth: &'a DepthMap,
     rays: &'a Rays,
-    /// Grid units from camera space: rotation over voxel size, and the camera's place in the grid.
+    /// Rotation from camera space, divided by the voxel size.
+    ///
+    /// `offset` is the position of the camera centre in the grid.
     grid_from_camera: Mat3,
     offset: Vec3,
     world_from_camera: Mat3,
     edge_tolerance: f32,
 }
 
-/// What became of the pixels of some rows.
+/// Numbers of pixels in the processed rows, by outcome.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct LiftCount {
     /// Pixels with a depth.
     pub(super) measured: usize,
-    /// Pixels left out as flying between two surfaces.
+    /// Flying pixels between two surfaces, which are left out.
     pub(super) flying: usize,
     /// Pixels too far away for the grid.
     pub(super) beyond: usize,
@@ -86,10 +90,11 @@ impl<'a> Lift<'a> {
         }
     }
 
-    /// Lifts some rows into samples, one list for each shard of the grid.
+    /// Unprojects some rows into samples, one list per shard of the grid.
     pub(super) fn rows(&self, rows: std::ops::Range<u32>, shards: &mut [Vec<Sample>]) -> LiftCount {
         let mut count = LiftCount::default();
-        // Two rows at a time: pixels above each other often fall into one voxel, which then is looked up once for both.
+        // Two rows are processed at a time: pixels above each other often fall into the same voxel,
+        // which is then looked up once for both.
         for first in rows.clone().step_by(2) {
             let pair =
                 [first, first + 1].map(|y| rows.contains(&y).then(|| self.around(y as usize)));
@@ -102,7 +107,7 @@ impl<'a> Lift<'a> {
         count
     }
 
-    /// Lifts one pixel of a row.
+    /// Unprojects one pixel of a row.
     fn pixel(
         &self,
         around: &Around<'_>,
@@ -129,7 +134,7 @@ impl<'a> Lift<'a> {
         shards[shard_of(key)].push(Sample::new(key, cell.fraction, around.colors[x], normal));
     }
 
-    /// The rows up to [`NORMAL_REACH`] above and below a row; those beyond the picture are empty.
+    /// Returns the rows up to [`NORMAL_REACH`] above and below a row; rows outside are empty.
     fn around(&self, y: usize) -> Around<'_> {
         let width = self.depth.width as usize;
         let range = |row: usize| {
@@ -147,7 +152,9 @@ impl<'a> Lift<'a> {
         }
     }
 
-    /// Whether too few neighbours lie on the same surface: such pixels are blends of two surfaces at an edge.
+    /// Returns whether too few neighbours lie on the same surface.
+    ///
+    /// Such a pixel is a blend of two surfaces at an edge.
     fn flies(&self, around: &Around<'_>, x: usize, depth: f32) -> bool {
         if self.edge_tolerance >= 1.0 {
             return false;
@@ -173,7 +180,9 @@ impl<'a> Lift<'a> {
         true
     }
 
-    /// The normal in world space, towards the camera, from the neighbours on the same surface; zero without such.
+    /// Returns the normal in world space, facing the camera.
+    ///
+    /// It is derived from the neighbours on the same surface, and is zero without such neighbours.
     fn normal(&self, around: &Around<'_>, x: usize, here: Vec3) -> Vec3 {
         let tolerance = self.edge_tolerance * here.z * NORMAL_REACH as f32;
         let side = |dx: isize, dy: isize| {
@@ -194,7 +203,7 @@ impl<'a> Lift<'a> {
     }
 }
 
-/// A row of a picture with those above and below it.
+/// A row of an image with the rows above and below it.
 struct Around<'a> {
     colors: &'a [[u8; 3]],
     rows: [&'a [f32]; 2 * REACH + 1],
@@ -202,7 +211,9 @@ struct Around<'a> {
 }
 
 impl Around<'_> {
-    /// Depth and ray of the pixel that many columns and rows away; depth 0 beyond the picture.
+    /// Returns the depth and ray of the pixel at an offset in columns and rows.
+    ///
+    /// The depth is 0 outside the image.
     fn at(&self, x: usize, dx: isize, dy: isize) -> (f32, [f32; 2]) {
         let (row, x) = (REACH.wrapping_add_signed(dy), x.wrapping_add_signed(dx));
         let depth = self.rows[row].get(x).copied().unwrap_or_default();
@@ -210,7 +221,7 @@ impl Around<'_> {
     }
 }
 
-/// The place in camera space that a pixel with this ray sees.
+/// Returns the point in camera space on the ray `(x, y)` at `depth`.
 fn point([x, y]: [f32; 2], depth: f32) -> Vec3 {
     Vec3::new(x * depth, y * depth, depth)
 }

@@ -1,4 +1,4 @@
-//! Votes counted per label, and the label that a majority decides for.
+//! Vote counts per label, and the majority decision.
 
 use std::collections::BTreeMap;
 
@@ -6,28 +6,36 @@ use rustc_hash::FxHashMap;
 
 use ostra_masks::{LabelId, LabelTree};
 
-/// The outcome of one point's vote.
+/// The outcome of the vote on one point.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Verdict {
-    /// The winner; 0 = nothing won, or nobody voted.
+    /// The winning label; 0 if no label won or there were no votes.
     pub label: LabelId,
-    /// Votes for the winner and what is below it in the tree, as a share of all votes, 0–1; 0 when nobody voted.
+    /// Votes for the winner and its descendants, as a share of all votes (0–1).
+    ///
+    /// It is 0 if there were no votes.
     pub confidence: f32,
 }
 
-/// Decides votes level by level: first among the top-level labels and *nothing*, each with the votes of all that is
-/// below it, then among the winner's children and the winner itself, and so on down.
+/// Decides votes level by level through the label tree.
 ///
-/// So a plant whose votes are split between two stems does not lose to a background that has more votes than either.
-/// Ties: a label wins over nothing, a child over its parent, the smaller id over the larger.
+/// The first decision is among the top-level labels and *no label*, where each label has the votes
+/// of its whole subtree. The next one is among the children of the winner and the winner itself,
+/// and so on downwards.
+///
+/// This way a plant whose votes are split between two stems does not lose to a background that has
+/// more votes than either stem. Ties are broken as follows: a label wins over no label, a child
+/// over its parent, and a smaller id over a larger one.
 #[derive(Debug, Clone)]
 pub struct Majority {
-    /// Ids from the top level down to the label, for each label below the top level.
+    /// Path from the top level down to the label, for each label below the top level.
     paths: BTreeMap<LabelId, Vec<LabelId>>,
 }
 
 impl Majority {
-    /// Prepares the decision for a label tree; ids that the tree lacks count as top-level labels.
+    /// Creates the decision rule of a label tree.
+    ///
+    /// Ids that the tree lacks count as top-level labels.
     #[must_use]
     pub fn new(tree: &LabelTree) -> Self {
         let paths = tree
@@ -39,7 +47,7 @@ impl Majority {
         }
     }
 
-    /// Decides one point's votes: (deepest id, votes), each id once.
+    /// Decides the votes on one point, given as (deepest id, votes) with each id once.
     #[must_use]
     pub fn decide(&self, histogram: &[(LabelId, u16)]) -> Verdict {
         let total: u32 = histogram.iter().map(|&(_, votes)| u32::from(votes)).sum();
@@ -63,7 +71,9 @@ impl Majority {
         Verdict { label, confidence }
     }
 
-    /// The candidate with most votes below `parent`, which stands at depth `level`, or `parent` itself.
+    /// Returns the winner among the children of `parent` and `parent` itself, with its votes.
+    ///
+    /// The children are at index `level` of their paths.
     fn best(
         &self,
         histogram: &[(LabelId, u16)],
@@ -80,7 +90,7 @@ impl Majority {
                 .filter(|&&(other, _)| self.step(other, parent, level) == Some(candidate))
                 .map(|&(_, votes)| u32::from(votes))
                 .sum();
-            // Larger = better: votes, then a step down over staying, then the smaller id.
+            // Most votes first; in a tie a child beats its parent, then a smaller id a larger one.
             let rank = |(id, votes): (LabelId, u32)| (votes, id != parent, std::cmp::Reverse(id));
             if best.is_none_or(|champion| rank((candidate, votes)) > rank(champion)) {
                 best = Some((candidate, votes));
@@ -89,7 +99,10 @@ impl Majority {
         best
     }
 
-    /// Which way a vote for `id` points at depth `level` below `parent`: to a child, to `parent` itself, or nowhere.
+    /// Returns the candidate that a vote for `id` supports: a child of `parent` or `parent` itself.
+    ///
+    /// Returns `None` if `id` is outside the subtree. `level` is the index of the children in their
+    /// paths.
     fn step(&self, id: LabelId, parent: LabelId, level: usize) -> Option<LabelId> {
         if id == parent {
             return Some(parent);
@@ -106,17 +119,22 @@ impl Majority {
     }
 }
 
-/// Different ids that most points stay within.
+/// Number of distinct ids that most points do not exceed.
 const INLINE: usize = 4;
 
-/// The votes of a chunk of points while they are counted: a few (id, votes) beside each point, the rest apart.
+/// Vote counts of a chunk of points.
+///
+/// A few (id, votes) entries are stored inline per point; the others go to a hash map.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Ballots {
     points: Vec<[(LabelId, u16); INLINE]>,
     overflow: FxHashMap<(u32, LabelId), u16>,
 }
 
-/// The histograms of consecutive points: entries of each point, and all (id, votes), ordered by id within a point.
+/// The histograms of consecutive points.
+///
+/// Holds the number of entries per point, and all (id, votes) entries, ordered by id within a
+/// point.
 pub(super) type Histograms = (Vec<u32>, Vec<(LabelId, u16)>);
 
 impl Ballots {
@@ -127,7 +145,7 @@ impl Ballots {
         }
     }
 
-    /// Ballots that hold histograms already counted, in the order of the points.
+    /// Creates ballots from existing histograms, given in point order.
     pub(super) fn from_histograms<'a>(
         histograms: impl ExactSizeIterator<Item = &'a [(LabelId, u16)]>,
     ) -> Self {
@@ -143,7 +161,7 @@ impl Ballots {
         ballots
     }
 
-    /// One vote more; the count stops at 65535.
+    /// Adds one vote. The count saturates at 65535.
     pub(super) fn add(&mut self, point: u32, id: LabelId) {
         let slots = &mut self.points[point as usize];
         let known = slots.iter().position(|slot| slot.0 == id && slot.1 > 0);
@@ -157,7 +175,7 @@ impl Ballots {
         }
     }
 
-    /// One vote less, where there is one.
+    /// Removes one vote, if there is one.
     pub(super) fn remove(&mut self, point: u32, id: LabelId) {
         let slot = self.points[point as usize]
             .iter_mut()
@@ -169,7 +187,7 @@ impl Ballots {
         }
     }
 
-    /// What was counted.
+    /// Returns the counted histograms.
     pub(super) fn finish(&self) -> Histograms {
         let (mut counts, mut entries) = (Vec::with_capacity(self.points.len()), Vec::new());
         let mut beside: Vec<(u32, LabelId, u16)> = self
@@ -188,7 +206,7 @@ impl Ballots {
             }
             own.retain(|&(_, votes)| votes > 0);
             own.sort_unstable();
-            // An id may stand in both places after votes were taken back.
+            // After votes were removed, an id may have both an inline and an overflow entry.
             own.dedup_by(|later, first| {
                 let same = later.0 == first.0;
                 first.1 = if same {
@@ -244,20 +262,20 @@ mod tests {
     }
 
     #[test]
-    fn a_split_organ_does_not_lose_to_the_background() {
+    fn votes_split_between_children_beat_the_background() {
         assert_eq!(decide(&[(0, 4), (2, 3), (4, 2)]), (2, 3.0 / 9.0));
         assert_eq!(decide(&[(0, 5), (2, 1), (3, 1), (4, 2)]), (0, 5.0 / 9.0));
         assert_eq!(decide(&[(0, 1), (3, 1), (4, 2), (5, 3)]), (4, 2.0 / 7.0));
     }
 
     #[test]
-    fn a_parent_keeps_what_its_children_do_not_win() {
+    fn parent_wins_when_it_outvotes_its_children() {
         assert_eq!(decide(&[(1, 5), (2, 2), (4, 1)]), (1, 5.0 / 8.0));
         assert_eq!(decide(&[(1, 2), (2, 2)]), (2, 0.5));
     }
 
     #[test]
-    fn ties_and_empty_votes() {
+    fn ties_prefer_labels_children_and_small_ids() {
         assert_eq!(decide(&[]), (0, 0.0));
         assert_eq!(decide(&[(0, 3)]), (0, 1.0));
         assert_eq!(decide(&[(0, 1), (5, 1)]), (5, 0.5));
@@ -268,7 +286,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn counts_like_a_map(steps in prop::collection::vec((0u32..3, 0u16..9, any::<bool>()), 0..200)) {
+        fn ballots_count_like_a_map(steps in prop::collection::vec((0u32..3, 0u16..9, any::<bool>()), 0..200)) {
             let mut ballots = Ballots::new(3);
             let mut plain: BTreeMap<(u32, LabelId), u16> = BTreeMap::new();
             for (point, id, add) in steps {

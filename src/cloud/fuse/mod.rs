@@ -1,8 +1,8 @@
-//! Frames with depth, cameras and masks → one labelled cloud, in one pass over the pixels and one vote.
+//! Fusion of frames with depth, cameras and masks into one labelled cloud.
 //!
-//! Points come from a voxel grid (positions, colours and normals are averaged, labels never). Then every point is
-//! projected into every frame, and where the frame *sees* it, the mask's id there is one integer vote. Ids are never
-//! interpolated, so no label appears that no mask has.
+//! Points come from a voxel grid, which averages positions, colours and normals. Then every point
+//! is projected into every frame. Where the frame *sees* the point, the mask's id there is one
+//! integer vote. Ids are never interpolated, so no label appears that is not in a mask.
 
 mod coverage;
 mod fused;

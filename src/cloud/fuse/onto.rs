@@ -10,21 +10,24 @@ use ostra_core::job::Progress;
 use ostra_geometry::DepthTolerance;
 use ostra_masks::LabelTree;
 
-/// How masks vote on the points of a given cloud.
+/// Options for voting masks onto the points of an existing cloud.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct OntoOptions {
-    /// Points whose label won a smaller share of the votes become unlabelled; 0–1.
+    /// Minimum share of the votes for a label, 0–1. Points below it become unlabelled.
     pub min_confidence: f32,
-    /// Leave points without a label out.
+    /// Whether unlabelled points are dropped.
     pub drop_unlabelled: bool,
-    /// A frame with depth sees a point when their depths differ by at most this share of the depth, and two spacings of
-    /// the cloud; 0–1. `None` = measured: what nine tenths of the depths keep to.
+    /// Maximum depth difference between a frame and a point that it sees, as a share of the depth.
+    ///
+    /// Two point spacings are added to it. Ranges from 0 to 1. With `None` it is measured so that
+    /// nine tenths of the depths are within it.
     pub depth_tolerance: Option<f32>,
-    /// Radius in world units that a point covers where frames have no depth and the cloud hides itself, above 0.
-    /// `None` = from the spacing of the points.
+    /// Radius of a point in world units, above 0, used for occlusion where frames have no depth.
+    ///
+    /// With `None` it is derived from the point spacing.
     pub radius: Option<f64>,
-    /// Memory for the (frame, pixel) pairs that voted, as in [`super::FuseOptions`].
+    /// Memory budget in bytes for the pairs that voted, as in [`super::FuseOptions`].
     pub pair_budget_bytes: usize,
 }
 
@@ -40,11 +43,15 @@ impl Default for OntoOptions {
     }
 }
 
-/// Labels the points of a given cloud by the masks of all frames that see them. A frame's depth says what it sees; where
-/// it has none the cloud itself does, drawn into the frame as discs.
+/// Labels the points of an existing cloud by the masks of all frames that see them.
+///
+/// Visibility is decided by the depth of a frame. If a frame has no depth, the cloud itself is
+/// rendered into the frame as discs.
 ///
 /// # Errors
-/// As [`vote_seen`], and [`SceneError::Request`] where no frame has both a mask and a camera.
+///
+/// Returns the errors of [`vote_seen`]. Returns [`SceneError::Request`] if no frame has both a mask
+/// and a camera.
 pub fn vote_onto(
     cloud: &LabelledCloud,
     views: &dyn Views,
@@ -68,12 +75,16 @@ pub fn vote_onto(
     Ok(fused)
 }
 
-/// Labels points where it is known which frames see them: a frame in `seen` votes in the very pixels that are named there
-/// and nowhere else, all others as in [`vote_onto`].
+/// Labels points when it is known which frames see them.
+///
+/// A frame listed in `seen` votes exactly in the pixels listed there. All other frames vote as in
+/// [`vote_onto`].
 ///
 /// # Errors
-/// [`SceneError::Request`] for an empty cloud, a mask or depth of another size than its frame; what reading a frame says;
-/// [`SceneError::Stopped`].
+///
+/// Returns [`SceneError::Request`] if the cloud is empty, or if the size of a mask or depth differs
+/// from that of its frame. Returns the error of a frame that cannot be read. Returns
+/// [`SceneError::Stopped`] if the job is stopped.
 pub fn vote_seen(
     cloud: LabelledCloud,
     seen: &SeenPoints,

@@ -1,23 +1,26 @@
 use ostra_masks::LabelId;
 
-/// Points in a chunk: votes are counted, and pairs kept, chunk by chunk.
+/// Number of points in a chunk. Votes are counted, and pairs stored, chunk by chunk.
 pub(super) const CHUNK: usize = 4096;
 
-/// That a frame sees a point: which pixel it is seen in, and what that pixel voted.
+/// A frame's observation of a point: the pixel that sees it and the vote of that pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Pair {
-    /// The point's place in its chunk.
+    /// Index of the point in its chunk.
     pub(super) point: u32,
     /// Column of the pixel.
     pub(super) x: u32,
     /// Row of the pixel.
     pub(super) y: u32,
-    /// The vote; `None` while the frame has no mask.
+    /// The vote, or `None` if the frame has no mask.
     pub(super) vote: Option<LabelId>,
 }
 
-/// Pairs of one frame and one chunk as bytes: steps in the point's index, the column and the row as variable-length
-/// numbers, the vote only where it changes. About 3 bytes a pair where neighbours in the list are neighbours in space.
+/// Encodes the pairs of one frame and one chunk as bytes.
+///
+/// Differences in point index, column and row are variable-length integers. The vote is written
+/// only where it changes. A pair takes about 3 bytes if neighbours in the list are neighbours in
+/// space.
 #[derive(Debug, Default)]
 pub(super) struct PairWriter {
     pub(super) bytes: Vec<u8>,
@@ -29,7 +32,7 @@ pub(super) struct PairWriter {
 }
 
 impl PairWriter {
-    /// Appends a pair; its point must come after those before.
+    /// Appends a pair. Its point must come after all previous ones.
     pub(super) fn push(&mut self, pair: Pair) {
         let vote = pair.vote.map_or(0, |id| u32::from(id.0) + 1);
         let changed = vote != self.vote;
@@ -47,7 +50,9 @@ impl PairWriter {
     }
 }
 
-/// Reads what [`PairWriter`] wrote. Ends at the end of the bytes, or at the first that make no pair.
+/// Decodes the output of [`PairWriter`].
+///
+/// Stops at the end of the bytes or at the first bytes that are not a valid pair.
 #[derive(Debug, Clone)]
 pub(super) struct PairReader<'a> {
     bytes: &'a [u8],
@@ -55,7 +60,7 @@ pub(super) struct PairReader<'a> {
     x: u32,
     y: u32,
     vote: u32,
-    /// Whether it met bytes that make no pair.
+    /// Whether invalid bytes were found.
     pub(super) damaged: bool,
 }
 
@@ -127,7 +132,9 @@ fn take(bytes: &mut &[u8]) -> Option<u32> {
     None
 }
 
-/// The difference with its sign in the lowest bit, so that small steps either way are small numbers.
+/// Encodes the signed difference with the sign in the lowest bit.
+///
+/// Small steps in either direction thus become small numbers.
 fn zigzag(value: u32, from: u32) -> u32 {
     let step = value.wrapping_sub(from) as i32;
     (step << 1 ^ step >> 31) as u32
@@ -144,7 +151,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn pairs_come_back(raw in prop::collection::btree_map(0u32..CHUNK as u32, (any::<u32>(), 0u32..5000, any::<Option<u16>>()), 0..50)) {
+        fn pairs_survive_a_round_trip(raw in prop::collection::btree_map(0u32..CHUNK as u32, (any::<u32>(), 0u32..5000, any::<Option<u16>>()), 0..50)) {
             let pairs: Vec<Pair> = raw.iter().map(|(&point, &(x, y, vote))| Pair { point, x, y, vote: vote.map(LabelId) }).collect();
             let mut writer = PairWriter::default();
             pairs.iter().for_each(|&pair| writer.push(pair));
@@ -155,13 +162,13 @@ mod tests {
         }
 
         #[test]
-        fn any_bytes_end(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+        fn reader_ends_on_arbitrary_bytes(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
             prop_assert!(PairReader::new(&bytes).all(|pair| (pair.point as usize) < CHUNK));
         }
     }
 
     #[test]
-    fn near_pairs_are_small() {
+    fn pairs_of_adjacent_pixels_take_about_three_bytes() {
         let mut writer = PairWriter::default();
         for point in 0..1000 {
             writer.push(Pair {

@@ -11,24 +11,29 @@ use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::{LabelMask, LabelTree};
 
-/// Decoded masks that are held at once while all frames vote again.
+/// Memory limit for decoded masks held at once while all frames vote again.
 const HELD_BYTES: usize = 256 << 20;
 
-/// A frame whose mask changed since the vote.
+/// A frame whose mask has changed since the vote.
 #[derive(Debug, Clone)]
 pub struct ChangedMask {
     /// Frame number.
     pub frame: usize,
-    /// Its mask now; `None` takes its votes back.
+    /// The current mask; `None` removes the frame's votes.
     pub mask: Option<Arc<LabelMask>>,
 }
 
-/// Lets only the changed frames vote anew, in the pixels that are known to see each point: no depth, picture or camera
-/// is read. Positions, normals and colours stay; points that an earlier fusion left out do not come back.
+/// Repeats the vote for the changed frames only, in the pixels known to see each point.
+///
+/// No depth, image or camera is read. Positions, normals and colours are kept. Points that an
+/// earlier fusion left out do not come back.
 ///
 /// # Errors
-/// [`SceneError::Request`] when the votes do not belong to the cloud, were kept without pixels, or a changed frame took
-/// no part (it had no camera) or has another size now: fuse again. [`SceneError::Stopped`].
+///
+/// Returns [`SceneError::Request`] if the votes do not belong to the cloud or the pairs were not
+/// kept. The same error is returned if a changed frame did not take part because it had no camera,
+/// or if its size has changed. In these cases the cloud has to be fused again. Returns
+/// [`SceneError::Stopped`] if the job is stopped.
 pub fn relabel(
     cloud: &LabelledCloud,
     votes: &Votes,
@@ -41,11 +46,14 @@ pub fn relabel(
     Ok((labelled(cloud.clone(), &votes, tree), votes))
 }
 
-/// Lets every frame that sees the points vote with the mask that it has now, as [`relabel`] does: the result is the same as
-/// that of a new vote on the same points. Only masks are read, one after the other.
+/// Repeats the vote with the current masks of all frames that see the points.
+///
+/// The result is the same as that of a new vote on the same points. Only masks are read, one after
+/// the other.
 ///
 /// # Errors
-/// As [`relabel`].
+///
+/// Returns the errors of [`relabel`].
 pub fn vote_again(
     cloud: &LabelledCloud,
     votes: &Votes,
@@ -92,7 +100,7 @@ pub fn vote_again(
 }
 
 impl FramePairs {
-    /// Whether a pixel that sees a point votes otherwise than it did.
+    /// Returns whether any pixel that sees a point would now vote differently.
     fn votes_otherwise(&self, change: &ChangedMask) -> bool {
         let now = |pair: &Pair| change.mask.as_ref().map(|mask| mask.at(pair.x, pair.y));
         let differs =
@@ -103,7 +111,7 @@ impl FramePairs {
     }
 }
 
-/// The votes with those of the changed frames counted anew.
+/// Returns the votes with those of the changed frames counted again.
 fn recounted(
     votes: &Votes,
     changed: &[ChangedMask],
@@ -129,7 +137,7 @@ fn recounted(
     Ok(votes)
 }
 
-/// A chunk's votes, and its pairs for each changed frame.
+/// The votes of a chunk, and its pairs for each changed frame.
 type Recounted = (Histograms, Vec<Vec<u8>>);
 
 fn recount(votes: &Votes, changed: &[ChangedMask], chunk: usize) -> Recounted {

@@ -18,7 +18,9 @@ const HEIGHT: u32 = 60;
 const BALL: LabelId = LabelId(2);
 const WALL: LabelId = LabelId(1);
 
-/// A ball of radius 0.3 at the origin before a wall at z = 1, seen exactly from several sides.
+/// A ball of radius 0.3 at the origin in front of a wall at z = 1.
+///
+/// The depths are exact, from several sides.
 #[derive(Clone, Default)]
 struct Scene {
     frames: Vec<Frame>,
@@ -120,7 +122,9 @@ impl Scene {
     }
 }
 
-/// Depth along the optical axis (the ray has length 1 along it) and label of what a ray meets.
+/// Returns the depth and the label of what a ray hits.
+///
+/// The depth is along the optical axis, and the ray has length 1 along it.
 fn cast(eye: DVec3, ray: DVec3) -> (f64, LabelId) {
     let (a, b, c) = (
         ray.length_squared(),
@@ -161,7 +165,7 @@ fn is_ball(cloud: &LabelledCloud, point: usize) -> bool {
 }
 
 #[test]
-fn labels_colors_normals_and_places_are_true() {
+fn fused_labels_colors_normals_and_positions_are_correct() {
     let fused = Scene::new(7).fused(&options());
     let cloud = &fused.cloud;
     let right = (0..cloud.len())
@@ -204,7 +208,7 @@ fn labels_colors_normals_and_places_are_true() {
 }
 
 #[test]
-fn no_label_appears_that_no_mask_has() {
+fn fusion_gives_only_labels_of_masks() {
     let mut scene = Scene::new(5);
     for mask in &mut scene.masks {
         let ids = mask
@@ -232,7 +236,7 @@ fn no_label_appears_that_no_mask_has() {
 }
 
 #[test]
-fn threads_do_not_change_a_byte() {
+fn result_does_not_depend_on_thread_count() {
     let scene = Scene::new(4);
     let pool = |threads| {
         rayon::ThreadPoolBuilder::new()
@@ -248,7 +252,7 @@ fn threads_do_not_change_a_byte() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
     #[test]
-    fn the_order_of_views_does_not_matter(order in Just((0..5).collect::<Vec<usize>>()).prop_shuffle()) {
+    fn result_does_not_depend_on_view_order(order in Just((0..5).collect::<Vec<usize>>()).prop_shuffle()) {
         let scene = Scene::new(5);
         let (straight, shuffled) = (scene.fused(&options()), scene.reordered(&order).fused(&options()));
         prop_assert!(straight.cloud == shuffled.cloud);
@@ -282,7 +286,7 @@ proptest! {
 }
 
 #[test]
-fn voters_are_the_pixels_that_see_the_point() {
+fn voters_are_the_pixels_that_see_a_point() {
     let scene = Scene::new(6);
     let fused = scene.fused(&FuseOptions {
         drop_unlabelled: true,
@@ -324,7 +328,7 @@ fn voters_are_the_pixels_that_see_the_point() {
 }
 
 #[test]
-fn what_is_not_wanted_is_left_out_and_counted() {
+fn dropped_points_are_counted_by_reason() {
     let mut scene = Scene::new(5);
     for mask in &mut scene.masks {
         let ids = mask
@@ -393,7 +397,7 @@ fn what_is_not_wanted_is_left_out_and_counted() {
 }
 
 #[test]
-fn flying_pixels_make_no_points() {
+fn flying_pixels_give_no_points() {
     let mut scene = Scene::new(3);
     let mut depth = (**scene.depths[0].as_ref().unwrap()).clone();
     depth.depths[30 * WIDTH as usize + 5] = 0.9;
@@ -408,7 +412,7 @@ fn flying_pixels_make_no_points() {
 }
 
 #[test]
-fn the_pixels_are_not_kept_beyond_the_budget_but_the_labels_are_the_same() {
+fn pairs_beyond_the_budget_are_dropped_without_changing_labels() {
     let scene = Scene::new(3);
     let (full, thin) = (
         scene.fused(&options()),
@@ -428,7 +432,7 @@ fn the_pixels_are_not_kept_beyond_the_budget_but_the_labels_are_the_same() {
 }
 
 #[test]
-fn frames_that_cannot_help_are_named_and_wrong_ones_refused() {
+fn unusable_frames_are_named_and_invalid_input_is_an_error() {
     let mut scene = Scene::new(4);
     scene.frames[1].camera = None;
     scene.depths[2] = None;

@@ -1,4 +1,4 @@
-//! Frames as fusion reads them, and the footprint of their pixels.
+//! Access to frames for fusion, and the footprint of their pixels.
 
 use std::sync::Arc;
 
@@ -9,43 +9,51 @@ use ostra_core::statistics::upper_median;
 use ostra_frames::{DepthMap, Frame, FrameError, FrameStore, Image};
 use ostra_masks::{LabelId, LabelMask};
 
-/// Where fusion takes its frames from: a project's ([`ProjectViews`]), or depths that a reconstruction holds in memory.
+/// Source of frames for fusion.
+///
+/// This is a project ([`ProjectViews`]), or depths that a reconstruction holds in memory.
 pub trait Views: Sync {
-    /// All frames, by number: name, size, camera. Their depth sources are not looked at.
+    /// Returns all frames, by number, with name, size and camera.
+    ///
+    /// Their depth sources are ignored.
     fn frames(&self) -> &[Frame];
 
-    /// Whether frame `index` has depth.
+    /// Returns whether frame `index` has depth.
     fn has_depth(&self, index: usize) -> bool;
 
-    /// The picture of frame `index`.
+    /// Returns the image of frame `index`.
     ///
     /// # Errors
-    /// [`SceneError`] when it cannot be read.
+    ///
+    /// Returns [`SceneError`] if it cannot be read.
     fn image(&self, index: usize) -> Result<Arc<Image>, SceneError>;
 
-    /// The depth of frame `index`, pixel for pixel with its picture; `None` when it has none.
+    /// Returns the depth map of frame `index`, aligned with its image, or `None` if it has none.
     ///
     /// # Errors
-    /// [`SceneError`] when it cannot be read.
+    ///
+    /// Returns [`SceneError`] if it cannot be read.
     fn depth(&self, index: usize) -> Result<Option<Arc<DepthMap>>, SceneError>;
 
-    /// The mask of frame `index`, pixel for pixel with its picture; `None` when it has none.
+    /// Returns the mask of frame `index`, aligned with its image, or `None` if it has none.
     fn mask(&self, index: usize) -> Option<Arc<LabelMask>>;
 
-    /// Why frame `index` cannot be read, if it cannot: the error of a job that could read no frame at all.
+    /// Returns why frame `index` cannot be read, if it cannot.
+    ///
+    /// This is the error of a job that could not read any frame.
     fn fault(&self, index: usize) -> Option<SceneError> {
         self.image(index).err().or_else(|| self.depth(index).err())
     }
 }
 
-/// The frames, pictures, depths and masks of a project.
+/// The frames, images, depth maps and masks of a project.
 #[derive(Clone, Copy)]
 pub struct ProjectViews<'a> {
     /// All frames, by number.
     pub frames: &'a [Frame],
-    /// Where pictures and depths are loaded.
+    /// The store that loads images and depth maps.
     pub store: &'a FrameStore,
-    /// The mask of a frame, where it has one.
+    /// Returns the mask of a frame, if it has one.
     pub masks: &'a (dyn Fn(usize) -> Option<Arc<LabelMask>> + Sync),
 }
 
@@ -62,7 +70,7 @@ impl Views for ProjectViews<'_> {
         Ok(self.store.image(&self.frames[index])?)
     }
 
-    /// A depth that cannot be read is as good as none; fusion names its frame.
+    /// An unreadable depth map counts as missing; fusion names its frame in a warning.
     fn depth(&self, index: usize) -> Result<Option<Arc<DepthMap>>, SceneError> {
         Ok(readable(
             self.store
@@ -88,11 +96,13 @@ impl Views for ProjectViews<'_> {
     }
 }
 
-/// An image or a depth, or nothing where its file cannot be read: one damaged file among many does not end a job. The job
-/// names it.
+/// Returns an image or depth, or `None` if its file cannot be read.
+///
+/// One damaged file among many should not end a job. The job names the file instead.
 ///
 /// # Errors
-/// Every other error, [`SceneError::Stopped`] too.
+///
+/// Returns all other errors, including [`SceneError::Stopped`].
 pub fn readable<T>(read: Result<T, SceneError>) -> Result<Option<T>, SceneError> {
     match read {
         Err(SceneError::Frame(FrameError::Stopped(stopped))) => Err(stopped.into()),
@@ -101,7 +111,9 @@ pub fn readable<T>(read: Result<T, SceneError>) -> Result<Option<T>, SceneError>
     }
 }
 
-/// Refuses pixels of another size than their frame: they would vote for the wrong points.
+/// Checks that pixels have the size of their frame.
+///
+/// Pixels of another size would vote for the wrong points.
 pub(super) fn check_size(
     frame: &Frame,
     what: &str,
@@ -117,7 +129,9 @@ pub(super) fn check_size(
     )))
 }
 
-/// The smallest coordinates of any camera: near the scene wherever that lies, and the same in any order of frames.
+/// Returns the minimum coordinates over all camera centres.
+///
+/// This is near the scene wherever it lies, and does not depend on the order of frames.
 pub(crate) fn nearest_corner(views: &dyn Views, usable: &[usize]) -> DVec3 {
     let centres = usable
         .iter()
@@ -125,19 +139,22 @@ pub(crate) fn nearest_corner(views: &dyn Views, usable: &[usize]) -> DVec3 {
     centres.reduce(DVec3::min).unwrap_or_default()
 }
 
-/// Frames looked at.
+/// Maximum number of sampled frames.
 const FRAMES: usize = 8;
-/// Pixels of a frame looked at: every so many.
+/// Sampling step between the pixels of a frame.
 const PIXEL_STEP: usize = 37;
-/// Labelled pixels among those that are enough to go by.
+/// Minimum number of labelled samples for using only labelled pixels.
 const ENOUGH_LABELLED: usize = 20;
 
-/// What one pixel covers at the median depth, rounded to two digits: the finest detail that most pixels can show. Where
-/// masks have labels, only labelled pixels count: a plant stands nearer than the wall behind it. `None` when no frame
-/// has a depth above 0.
+/// Returns the width of one pixel at the median depth, in world units, rounded to two digits.
+///
+/// This is the finest detail that most pixels can show. If masks have labels, only labelled pixels
+/// count, because a plant is closer than the wall behind it. Returns `None` if no frame has a depth
+/// above 0.
 ///
 /// # Errors
-/// What reading a depth says.
+///
+/// Returns the error of a depth map that cannot be read.
 pub fn pixel_footprint(views: &dyn Views, usable: &[usize]) -> Result<Option<f64>, SceneError> {
     let step = usable.len().div_ceil(FRAMES).max(1);
     let (mut labelled, mut all) = (Vec::new(), Vec::new());
@@ -169,7 +186,8 @@ pub fn pixel_footprint(views: &dyn Views, usable: &[usize]) -> Result<Option<f64
 pub(super) fn two_digits(value: f64) -> f64 {
     let unit = 10f64.powi(value.log10().floor() as i32 - 1);
     let steps = (value / unit).round();
-    // Dividing by whole powers of ten gives the number that a person would write: 0.0034, not 0.0034000000000000002.
+    // Dividing by whole powers of ten gives the shortest decimal: 0.0034, not
+    // 0.0034000000000000002.
     if unit < 1.0 {
         steps / (1.0 / unit).round()
     } else {
@@ -182,7 +200,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_a_person_would_write() {
+    fn rounding_to_two_digits_gives_short_decimals() {
         assert_eq!(two_digits(0.003_412), 0.0034);
         assert_eq!(two_digits(0.099_9), 0.1);
         assert_eq!(two_digits(123.0), 120.0);

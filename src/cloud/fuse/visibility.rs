@@ -1,4 +1,4 @@
-//! Which points a frame sees: projection, depth tolerance, and depth splatted from points.
+//! Visibility of points in frames: projection, depth tolerance, and depth splatted from points.
 
 use glam::{DVec2, Vec3};
 
@@ -8,23 +8,24 @@ use ostra_core::statistics::quantile;
 use ostra_frames::{DepthMap, Frame};
 use ostra_geometry::{DepthTolerance, PosedCamera, Projection};
 
-/// Where a point falls in an image.
+/// The projection of a point into an image.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PixelProjection {
     /// Position in pixels.
     at_px: DVec2,
-    /// Column of the pixel that holds it.
+    /// Column of the pixel that contains it.
     x: u32,
-    /// Row of the pixel that holds it.
+    /// Row of the pixel that contains it.
     y: u32,
-    /// Depth along the optical axis.
+    /// Depth along the optical axis, in world units.
     depth: f64,
 }
 
-/// The frame's camera at its pose; `None` when one of them is not known.
+/// Returns the camera of a frame at its pose, or `None` if either is unknown.
 ///
 /// # Errors
-/// When the camera is of another size than the frame's image.
+///
+/// Returns an error if the size of the camera differs from that of the frame's image.
 pub(super) fn posed_view(frame: &Frame) -> Result<Option<PosedCamera>, SceneError> {
     let Some((camera, pose)) = frame.posed_camera() else {
         return Ok(None);
@@ -33,7 +34,7 @@ pub(super) fn posed_view(frame: &Frame) -> Result<Option<PosedCamera>, SceneErro
     Ok(Some(PosedCamera::new(camera, pose)))
 }
 
-/// Projects a point of the world; `None` behind the camera or outside the image.
+/// Projects a point in world space; returns `None` behind the camera or outside the image.
 #[inline]
 pub(super) fn project_inside(view: &PosedCamera, x_in_world: Vec3) -> Option<PixelProjection> {
     let Projection { at_px, depth } = view.project(x_in_world.as_dvec3())?;
@@ -49,11 +50,12 @@ pub(super) fn project_inside(view: &PosedCamera, x_in_world: Vec3) -> Option<Pix
     })
 }
 
-/// The pixel in which a depth map sees a point, if any.
+/// Returns the pixel in which a depth map sees a point, if any.
 ///
-/// That is the pixel the point falls into. Where that pixel has no depth or one behind the point, the nearest of the
-/// eight around it that agrees: at the edge of a thin part, a depth or pose that is off by a pixel would otherwise hide
-/// the part from every view. Where the pixel's depth is before the point, something hides it.
+/// This is normally the pixel that the point projects to. If that pixel has no depth, or one behind
+/// the point, it is the nearest of the eight neighbours that agrees. Otherwise a depth or pose that
+/// is off by a pixel at the edge of a thin part would hide the part from every view. If the pixel's
+/// depth is in front of the point, the point is occluded.
 pub(super) fn seen_at(
     depth: &DepthMap,
     point: &PixelProjection,
@@ -88,22 +90,24 @@ pub(super) fn seen_at(
     nearest.map(|(_, pixel)| pixel)
 }
 
-/// Frames looked at.
+/// Maximum number of sampled frames.
 const FRAMES: usize = 6;
-/// Points looked at in each.
+/// Maximum number of sampled points per frame.
 const POINTS: usize = 20_000;
-/// Differences above this share of the depth are another surface, not noise.
+/// Share of the depth above which a difference is another surface rather than noise.
 const SAME_SURFACE: f64 = 0.05;
 /// Share of the differences that must be within the tolerance.
 const QUANTILE: f64 = 0.9;
-/// Where too little can be measured.
+/// Tolerance if there are too few measurements.
 const UNKNOWN: f64 = 0.01;
-/// What is taken for possible of a sensor and of poses.
+/// Plausible range of the tolerance, given sensor noise and pose errors.
 const RANGE: [f64; 2] = [0.001, 0.02];
 
-/// How far, as a share of the depth, frames' depths lie from points made of them all, beyond `absolute` world units:
-/// noise of the sensor, errors of poses, what averaging takes away. Exact depths can be held to much more strictly than
-/// a sensor's, and then tell a stem from the leaf right before it.
+/// Measures how far frame depths lie from points fused from all of them, as a share of the depth.
+///
+/// Only the part beyond `absolute` world units counts. It covers sensor noise, pose errors and the
+/// effect of averaging. Exact depths allow a much stricter tolerance than those of a sensor, which
+/// then separates a stem from the leaf right in front of it.
 pub(super) fn measured_tolerance(
     points: &[Vec3],
     views: &dyn Views,
@@ -139,8 +143,10 @@ pub(super) fn measured_tolerance(
     Ok(share.map_or(UNKNOWN, |share| share.clamp(RANGE[0], RANGE[1])))
 }
 
-/// The depth map that a cloud would give in a view: every point as a disc of `radius` world units that faces the camera,
-/// the nearest wins. It hides the far side of a surface where a frame has no depth of its own.
+/// Renders the depth map of a cloud in a view.
+///
+/// Every point is a disc of `radius` world units that faces the camera; the nearest disc wins. The
+/// map hides the far side of a surface if a frame has no depth of its own.
 pub(super) fn splat_depth(points: &[Vec3], view: &PosedCamera, radius: f64) -> DepthMap {
     let (width, height) = (view.camera.width, view.camera.height);
     let mut map = DepthMap {
@@ -166,9 +172,12 @@ pub(super) fn splat_depth(points: &[Vec3], view: &PosedCamera, radius: f64) -> D
     map
 }
 
-/// Draws the pixels whose centres lie within `radius` of `at_px`, and always the one that holds it.
+/// Draws a disc into a depth map.
+///
+/// It covers the pixels whose centres lie within `radius` of `at_px`, and always the pixel that
+/// contains `at_px`.
 fn draw_disc(map: &mut DepthMap, at_px: DVec2, radius: f64, depth: f32) {
-    // A point right before the camera would cover the whole picture.
+    // A point right in front of the camera would cover the whole image.
     let radius = radius.min(32.0);
     let range = |at: f64, size: u32| {
         let first = (at - radius).floor().max(0.0) as u32;
@@ -196,7 +205,7 @@ mod tests {
         relative: 0.01,
     };
 
-    /// Three by three pixels, all at depth 2 but the given ones.
+    /// Returns a map of three by three pixels, all at depth 2 except the given ones.
     fn map(others: &[(usize, f32)]) -> DepthMap {
         let mut depths = vec![2.0; 9];
         others
@@ -219,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn own_pixel_first_then_the_nearest_that_agrees() {
+    fn point_is_seen_in_its_own_pixel_or_the_nearest_that_agrees() {
         assert_eq!(
             seen_at(&map(&[]), &at(1.5, 1.5, 2.01), TOLERANCE),
             Some((1, 1))
@@ -240,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_hidden_is_not_seen_past_the_edge_of_what_hides_it() {
+    fn occluded_point_is_not_seen_in_a_neighbouring_pixel() {
         assert_eq!(
             seen_at(&map(&[(4, 1.0)]), &at(1.5, 1.5, 2.0), TOLERANCE),
             None

@@ -1,4 +1,4 @@
-//! The vote: every point in every frame that sees it.
+//! The vote on every point by every frame that sees it.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -20,32 +20,32 @@ use ostra_masks::LabelMask;
 /// A pixel that is known to see a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SeenPoint {
-    /// The point's index.
+    /// Index of the point.
     pub point: u32,
-    /// Column of the frame's picture.
+    /// Column in the frame's image.
     pub x: u32,
-    /// Row of the frame's picture.
+    /// Row in the frame's image.
     pub y: u32,
 }
 
-/// By frame number, the points that the frame is known to see, by rising index, each once.
+/// Points that each frame is known to see, by frame number; sorted by index without duplicates.
 pub type SeenPoints = BTreeMap<usize, Vec<SeenPoint>>;
 
-/// Change of depth from a pixel to the next, in pixel footprints, that still counts as one surface.
+/// Depth change between adjacent pixels, in pixel footprints, that still counts as one surface.
 const SLANT_PX: f64 = 1.5;
 
-/// What the vote needs to know besides points and frames.
+/// Options of the vote besides points and frames.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct VoteOptions {
-    /// Depths of frames against points.
+    /// Tolerance between the depths of frames and points.
     pub(super) tolerance: DepthTolerance,
-    /// Radius of a point where frames have no depth and the points themselves hide each other.
+    /// Radius of a point, in world units, for occlusion in frames without depth.
     pub(super) radius: f64,
     pub(super) min_confidence: f32,
     pub(super) pair_budget_bytes: usize,
 }
 
-/// One frame made ready to vote.
+/// One frame that is loaded and ready to vote.
 struct Voting<'a> {
     index: usize,
     size: (u32, u32),
@@ -53,19 +53,19 @@ struct Voting<'a> {
     sight: Sight<'a>,
 }
 
-/// How it is known which points a frame sees, and where.
+/// How the points that a frame sees are determined.
 enum Sight<'a> {
-    /// Points are projected and compared with its depth.
+    /// Points are projected and compared with the frame's depth.
     Depth {
         view: Box<PosedCamera>,
         depth: Arc<DepthMap>,
         tolerance: DepthTolerance,
     },
-    /// It is known, by rising point.
+    /// The visible points are known; they are sorted by index.
     Known(&'a [SeenPoint]),
 }
 
-/// A chunk of points, where it lies, and its votes so far.
+/// A chunk of points with its bounding sphere and its votes so far.
 struct Chunk<'a> {
     points: &'a [Vec3],
     first: u32,
@@ -74,21 +74,22 @@ struct Chunk<'a> {
     ballots: Ballots,
 }
 
-/// The votes, and how many frames with a mask gave them.
+/// The votes, and the number of frames with a mask that voted.
 pub(super) struct Voted {
     pub(super) votes: Votes,
     pub(super) frames: usize,
 }
 
-/// Lets every frame vote on every point that it sees.
+/// Counts the votes of every frame on every point that it sees.
 ///
-/// Frames with a camera and a mask vote; frames with a camera but without a mask are recorded as seeing, so that a mask
-/// that comes later needs no geometry. Frames of which `seen` tells what they see vote there, all others where their depth
-/// (or, without it, the points drawn as discs) says that they see a point. Votes are sums of integers: the order of frames
-/// does not matter.
+/// Frames with a camera and a mask vote. Frames with a camera but without a mask are recorded as
+/// seeing, so that a later mask needs no geometry. A frame listed in `seen` votes on the points
+/// listed there. Any other frame votes on the points that its depth shows to be visible; without
+/// depth, the points drawn as discs take its place. Votes are sums of integers, so the order of
+/// frames does not matter.
 ///
-/// A point of a stereo cloud is listed in `seen` with the pixels that it was made from, so those exact pixels
-/// vote on it. A comparison of depths would only find them again within a tolerance.
+/// A point of a stereo cloud is listed in `seen` with the pixels that it was made from, so those
+/// exact pixels vote on it. A comparison of depths would only find them again within a tolerance.
 pub(super) fn vote(
     points: &[Vec3],
     seen: &SeenPoints,
@@ -146,7 +147,7 @@ pub(super) fn vote(
     })
 }
 
-/// The frames with a camera, if any of them has a mask.
+/// Returns the frames with a camera, or none if no such frame has a mask.
 fn voters(views: &dyn Views) -> Vec<usize> {
     let posed = |index: &usize| views.frames()[*index].posed_camera().is_some();
     let voters: Vec<usize> = (0..views.frames().len()).filter(posed).collect();
@@ -200,7 +201,8 @@ impl Sight<'_> {
             });
         }
         let splat = splat_depth(points, &view, options.radius);
-        // On a slanted surface the depth changes from one pixel to the next by about what a pixel covers.
+        // On a slanted surface, the depth changes between adjacent pixels by about a pixel
+        // footprint.
         let slope = SLANT_PX / view.camera.focal_px.max_element();
         let tolerance = DepthTolerance {
             absolute: 2.0 * options.radius,
@@ -230,7 +232,7 @@ impl<'a> Chunk<'a> {
         }
     }
 
-    /// Counts one frame's votes on the chunk and returns who voted.
+    /// Counts the votes of one frame on the chunk and returns the pairs that voted.
     fn count(&mut self, voting: &Voting<'_>) -> PairWriter {
         let mut pairs = PairWriter::default();
         let mut see = |ballots: &mut Ballots, point: u32, (x, y): (u32, u32)| {

@@ -6,19 +6,21 @@ use super::majority::{Histograms, Majority, Verdict};
 use super::pairs::{CHUNK, Pair, PairReader, PairWriter};
 use ostra_masks::LabelId;
 
-/// How every point was voted on: integer votes for each label, and who voted. Kept beside the cloud so that a changed
-/// mask needs no new geometry ([`super::relabel`]).
+/// The votes on every point: integer counts per label, and the pixels that voted.
+///
+/// They are stored with the cloud so that a changed mask needs no new geometry
+/// ([`super::relabel`]).
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Votes {
-    /// First entry of each point's histogram, then the number of all entries.
+    /// Index of the first entry of each point's histogram, then the total number of entries.
     pub(super) offsets: Vec<u32>,
     /// (deepest id or 0, votes), ordered by id within a point.
     pub(super) entries: Vec<(LabelId, u16)>,
-    /// Who voted, by frame number; empty when pairs were not kept.
+    /// The pairs that voted, by frame number; empty if they were not kept.
     pub(super) frames: Vec<Arc<FramePairs>>,
     /// Whether the pairs were kept.
     pub(super) has_pairs: bool,
-    /// Points below this share of the vote are unlabelled.
+    /// Minimum share of the votes; points below it are unlabelled.
     pub(super) min_confidence: f32,
 }
 
@@ -27,17 +29,17 @@ pub struct Votes {
 pub(super) struct FramePairs {
     /// Frame number.
     pub(super) frame: u32,
-    /// Columns of the frame.
+    /// Width of the frame in pixels.
     pub(super) width: u32,
-    /// Rows of the frame.
+    /// Height of the frame in pixels.
     pub(super) height: u32,
-    /// First byte of each chunk's pairs, then the number of all bytes.
+    /// Start of each chunk's pairs in `bytes`, then the total number of bytes.
     pub(super) starts: Vec<u32>,
-    /// The pairs, chunk by chunk.
+    /// Encoded pairs, chunk by chunk.
     pub(super) bytes: Vec<u8>,
 }
 
-/// One frame's part in the vote on a point.
+/// The vote of one frame on a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Voter {
     /// Frame number.
@@ -46,30 +48,32 @@ pub struct Voter {
     pub x: u32,
     /// Row of the pixel that sees the point.
     pub y: u32,
-    /// What it voted; 0 = nothing, `None` = the frame sees the point but had no mask.
+    /// The label voted for; 0 is no label, and `None` means that the frame has no mask.
     pub label: Option<LabelId>,
 }
 
 impl Votes {
-    /// Number of points.
+    /// Returns the number of points.
     #[must_use]
     pub fn len(&self) -> usize {
         self.offsets.len().saturating_sub(1)
     }
 
-    /// Whether there are no points.
+    /// Returns whether there are no points.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The votes on a point: (deepest id or 0, votes above 0), ordered by id.
+    /// Returns the votes on a point as (deepest id or 0, votes above 0), ordered by id.
     #[must_use]
     pub fn histogram(&self, point: usize) -> &[(LabelId, u16)] {
         &self.entries[self.offsets[point] as usize..self.offsets[point + 1] as usize]
     }
 
-    /// Share of the votes that the strongest loser got, 0–0.5: 0 where all agree or nobody voted.
+    /// Returns the share of the votes of the runner-up, 0–0.5.
+    ///
+    /// It is 0 if all votes agree or there are none.
     #[must_use]
     pub fn conflict(&self, point: usize) -> f32 {
         let (mut first, mut second, mut total) = (0, 0, 0);
@@ -85,7 +89,7 @@ impl Votes {
         }
     }
 
-    /// How many views voted on a point, for a label or for none.
+    /// Returns the number of views that voted on a point, for a label or for none.
     #[must_use]
     pub fn voted(&self, point: usize) -> u32 {
         self.histogram(point)
@@ -94,20 +98,24 @@ impl Votes {
             .sum()
     }
 
-    /// Whether it is known who voted; not kept beyond a budget of memory.
+    /// Returns whether the voting frames and pixels are known.
+    ///
+    /// They are discarded beyond a memory budget.
     #[must_use]
     pub fn has_voters(&self) -> bool {
         self.has_pairs
     }
 
-    /// The frames that took part, by rising number: those that can vote again. None where pairs were not kept, and none
-    /// where no frame had a mask.
+    /// Returns the numbers of the frames that took part and can vote again, in ascending order.
+    ///
+    /// There are none if the pairs were not kept or no frame had a mask.
     pub fn frames(&self) -> impl Iterator<Item = usize> {
         self.frames.iter().map(|frame| frame.frame as usize)
     }
 
-    /// The points that a frame sees, with the column and row of the pixel that sees each; by rising point, nothing where
-    /// pairs were not kept.
+    /// Returns the points that a frame sees, with the column and row of the pixel that sees each.
+    ///
+    /// Points are in ascending order. There are none if the pairs were not kept.
     pub fn sightings(&self, frame: usize) -> impl Iterator<Item = (usize, u32, u32)> {
         let found = self
             .frames
@@ -124,7 +132,7 @@ impl Votes {
         })
     }
 
-    /// The frames that see a point, by frame number; empty when pairs were not kept.
+    /// Returns the frames that see a point, by frame number; empty if pairs were not kept.
     #[must_use]
     pub fn voters(&self, point: usize) -> Vec<Voter> {
         let inside = (point % CHUNK) as u32;
@@ -142,7 +150,7 @@ impl Votes {
         self.frames.iter().filter_map(voter).collect()
     }
 
-    /// The outcome for each point, with those below the smallest confidence unlabelled.
+    /// Returns the outcome per point; points below the minimum confidence are unlabelled.
     #[must_use]
     pub fn decide(&self, majority: &Majority) -> Vec<Verdict> {
         let decide = |point: usize| {
@@ -156,7 +164,7 @@ impl Votes {
         (0..self.len()).into_par_iter().map(decide).collect()
     }
 
-    /// The histograms of consecutive points as they stand.
+    /// Returns the histograms of consecutive points.
     pub(super) fn histograms(&self, points: std::ops::Range<usize>) -> Histograms {
         let offsets = &self.offsets[points.start..=points.end];
         let counts = offsets
@@ -169,12 +177,12 @@ impl Votes {
         )
     }
 
-    /// The ids that got a vote.
+    /// Returns the ids that received a vote.
     pub(super) fn ids(&self) -> std::collections::BTreeSet<LabelId> {
         self.entries.iter().map(|&(id, _)| id).collect()
     }
 
-    /// The votes on some points, given by rising index.
+    /// Returns the votes on the given points, whose indices must be in ascending order.
     #[must_use]
     pub fn select(&self, points: &[u32]) -> Self {
         let mut offsets = vec![0];
@@ -203,7 +211,7 @@ impl Votes {
 }
 
 impl FramePairs {
-    /// The bytes of a chunk's pairs.
+    /// Returns the encoded pairs of a chunk.
     pub(super) fn chunk(&self, chunk: usize) -> &[u8] {
         let bytes = self.starts.get(chunk).zip(self.starts.get(chunk + 1));
         bytes
@@ -211,7 +219,7 @@ impl FramePairs {
             .unwrap_or_default()
     }
 
-    /// Puts together the pairs of all chunks.
+    /// Concatenates the pairs of all chunks.
     pub(super) fn from_chunks<'a>(template: &Self, chunks: impl Iterator<Item = &'a [u8]>) -> Self {
         let mut frame = Self {
             starts: vec![0],
@@ -226,7 +234,10 @@ impl FramePairs {
         frame
     }
 
-    /// The pairs of the points that have a new place (`u32::MAX` = none) among `points`.
+    /// Returns the pairs of the selected points under their new indices.
+    ///
+    /// `place` maps old to new indices, with `u32::MAX` for points that are left out. `points` is
+    /// the number of points that remain.
     fn moved(&self, place: &[u32], points: usize) -> Self {
         let mut writers: Vec<PairWriter> = Vec::new();
         writers.resize_with(points.div_ceil(CHUNK), PairWriter::default);
@@ -248,7 +259,9 @@ impl FramePairs {
     }
 }
 
-/// Puts the histograms of consecutive chunks together; the lengths as running sums from 0.
+/// Concatenates the histograms of consecutive chunks.
+///
+/// The returned lengths are running sums that start at 0.
 pub(super) fn joined(chunks: &[Histograms]) -> Histograms {
     let mut offsets = vec![0];
     let mut all = Vec::with_capacity(chunks.iter().map(|(_, entries)| entries.len()).sum());

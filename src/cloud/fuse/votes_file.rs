@@ -9,14 +9,17 @@ use ostra_masks::LabelId;
 
 /// First bytes of a votes file.
 const MAGIC: &[u8; 8] = b"OSTRAVOT";
-/// Form of the file; a reader refuses a newer one.
+/// File version; a reader rejects newer ones.
 const VERSION: u32 = 1;
 
-/// Writes votes in a compact binary form: magic, version, counts, histograms, pairs, and a checksum at the end. All
+/// Writes votes in a compact binary format.
+///
+/// The file holds a magic number, the version, counts, histograms, pairs and a final checksum. All
 /// numbers are little-endian.
 ///
 /// # Errors
-/// What the writer says.
+///
+/// Returns any error of the writer.
 pub fn write_votes<W: Write>(mut out: W, votes: &Votes) -> std::io::Result<()> {
     let mut sum = Checksum::default();
     let mut put = |bytes: &[u8]| {
@@ -57,11 +60,12 @@ fn lengths(running: &[u32]) -> impl Iterator<Item = u32> {
     running.windows(2).map(|range| range[1] - range[0])
 }
 
-/// Reads what [`write_votes`] wrote; every length and every pair is checked.
+/// Reads the output of [`write_votes`], validating every length and every pair.
 ///
 /// # Errors
-/// What the reader says, or `InvalidData` with one line that says what is wrong: cut off, damaged, made by a newer
-/// version. Votes can always be made anew by fusing again.
+///
+/// Returns any error of the reader, and `InvalidData` with a one-line reason if the file is
+/// truncated, damaged or from a newer version. Lost votes can be restored by fusing again.
 pub fn read_votes<R: Read>(mut reader: R) -> std::io::Result<Votes> {
     let mut bytes = Vec::new();
     reader.read_to_end(&mut bytes)?;
@@ -108,7 +112,7 @@ fn parse(bytes: &[u8]) -> Result<Votes, &'static str> {
     if sound { Ok(votes) } else { Err("damaged") }
 }
 
-/// Whether every pair names a point and a pixel that exist.
+/// Returns whether every pair refers to an existing point and pixel.
 fn pairs_are_sound(frame: &FramePairs, points: usize) -> bool {
     (0..frame.starts.len() - 1).all(|chunk| {
         let inside = points - chunk * CHUNK;
@@ -120,7 +124,7 @@ fn pairs_are_sound(frame: &FramePairs, points: usize) -> bool {
     })
 }
 
-/// The rest of a file being read.
+/// The unread rest of a file.
 struct Input<'a>(&'a [u8]);
 
 impl<'a> Input<'a> {
@@ -135,7 +139,7 @@ impl<'a> Input<'a> {
         Ok(bytes.try_into().map_or(0, u32::from_le_bytes))
     }
 
-    /// A count, which is never above the number of bytes left.
+    /// Reads a count, which is never above the number of bytes left.
     fn size(&mut self) -> Result<usize, &'static str> {
         let bytes = self.take(8)?;
         let size = bytes.try_into().map_or(0, u64::from_le_bytes);
@@ -145,7 +149,7 @@ impl<'a> Input<'a> {
             .ok_or("cut off")
     }
 
-    /// `count` lengths that sum to `total`, as running sums from 0.
+    /// Reads `count` lengths that sum to `total`, as running sums from 0.
     fn offsets(&mut self, count: usize, total: usize) -> Result<Vec<u32>, &'static str> {
         let mut offsets = Vec::with_capacity(count + 1);
         offsets.push(0u32);
@@ -198,7 +202,9 @@ impl<'a> Input<'a> {
     }
 }
 
-/// FNV-1a over words of 8 bytes; how the bytes are cut into calls does not matter.
+/// FNV-1a over 8-byte words.
+///
+/// The result does not depend on how the bytes are split into calls.
 #[derive(Debug, Clone)]
 struct Checksum {
     hash: u64,
@@ -248,7 +254,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn cuts_do_not_change_the_checksum(bytes in prop::collection::vec(any::<u8>(), 0..100), cuts in prop::collection::vec(0usize..30, 0..20)) {
+        fn checksum_does_not_depend_on_how_bytes_are_split(bytes in prop::collection::vec(any::<u8>(), 0..100), cuts in prop::collection::vec(0usize..30, 0..20)) {
             let mut whole = Checksum::default();
             whole.add(&bytes);
             let (mut parts, mut rest) = (Checksum::default(), &bytes[..]);

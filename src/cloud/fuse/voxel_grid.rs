@@ -1,4 +1,4 @@
-//! The grid that averages lifted pixels, and the layers of one surface in it.
+//! The voxel grid that averages unprojected pixels, and the merging of surface layers in it.
 
 use std::hash::BuildHasherDefault;
 
@@ -12,15 +12,18 @@ use super::voxel_map::{
 use crate::morton;
 use ostra_core::job::{Progress, Stopped};
 
-/// Rows of a picture that one task lifts.
+/// Number of image rows unprojected by one task.
 const BLOCK_ROWS: u32 = 16;
-/// Samples that a voxel takes, enough for a mean that another does not move. The sums stay within 32 bits, with those of the six
-/// neighbours that may give theirs to it.
+/// Maximum number of samples per voxel, enough that one more does not change the mean.
+///
+/// The sums stay within 32 bits, including those of the six neighbours that may be merged into a
+/// voxel.
 const MAX_SAMPLES: u32 = 1 << 15;
-/// Samples whose voxels are looked up together.
+/// Number of samples whose voxels are looked up together.
 const LOOKED_UP: usize = 64;
-/// A hashed voxel grid that averages what falls into each voxel. All sums are integers, so the result does not depend on
-/// the order in which threads add to it.
+/// A hashed voxel grid that averages the samples in each voxel.
+///
+/// All sums are integers, so the result does not depend on the order in which threads add to it.
 pub(super) struct Grid {
     origin: DVec3,
     voxel: f64,
@@ -29,26 +32,32 @@ pub(super) struct Grid {
     frames: u32,
 }
 
-/// Samples of some rows, by shard, and what became of their pixels; kept from frame to frame for its memory.
+/// Samples of some rows by shard, and the counts of their pixels.
+///
+/// Blocks are reused from frame to frame to avoid allocations.
 struct Block {
     samples: Vec<Vec<Sample>>,
     count: LiftCount,
 }
 
-/// The points of a grid, in Morton order of their voxels so that neighbours in the list are neighbours in space.
+/// The points of a grid, in Morton order of their voxels.
+///
+/// Neighbours in the list are therefore neighbours in space.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct GridPoints {
     pub(super) positions: Vec<Vec3>,
     pub(super) normals: Vec<Vec3>,
     pub(super) colors: Vec<[u8; 3]>,
-    /// Voxels left out because too few frames measured them.
+    /// Number of voxels left out because too few frames measured them.
     pub(super) few_views: usize,
-    /// Voxels that were another layer of a surface and became part of a neighbour.
+    /// Number of voxels that were another layer of a surface and were merged into a neighbour.
     pub(super) merged: usize,
 }
 
 impl Grid {
-    /// An empty grid of voxels with edge `voxel`, counted from the point `near`, with room for about so many of them.
+    /// Creates an empty grid of voxels with edge length `voxel`, near the point `near`.
+    ///
+    /// Memory is reserved for about `expected` voxels.
     pub(super) fn new(near: DVec3, voxel: f64, expected: usize) -> Self {
         let room =
             || VoxelMap::with_capacity_and_hasher(expected / SHARDS, BuildHasherDefault::default());
@@ -62,7 +71,7 @@ impl Grid {
         }
     }
 
-    /// The grid's origin in the world, and the edge of its voxels.
+    /// Returns the grid's origin in world space and the edge length of its voxels.
     pub(super) fn frame(&self) -> (DVec3, f64) {
         (self.origin, self.voxel)
     }
@@ -109,12 +118,14 @@ impl Grid {
         Ok(blocks.iter().fold(LiftCount::default(), sum))
     }
 
-    /// Number of voxels that hold samples.
+    /// Returns the number of voxels that hold samples.
     pub(super) fn voxels(&self) -> usize {
         self.shards.iter().map(VoxelMap::len).sum()
     }
 
-    /// The mean of each voxel that at least `min_views` frames measured; with `one_layer` one for each place of a surface.
+    /// Returns the mean of each voxel that at least `min_views` frames measured.
+    ///
+    /// With `one_layer`, the layers of a surface are merged first.
     pub(super) fn into_points(
         mut self,
         min_views: u32,
@@ -129,7 +140,7 @@ impl Grid {
             0
         };
         let filled = self.voxels();
-        // With their place along the curve, which is worked out once for each.
+        // The Morton code is computed once per voxel and stored as the sort key.
         let mut kept: Vec<(u64, u64, Voxel)> = Vec::with_capacity(filled);
         for shard in self.shards {
             progress.check()?;
@@ -140,7 +151,7 @@ impl Grid {
         }
         kept.par_sort_unstable_by_key(|&(place, ..)| place);
         let position = |&(_, key, sum): &(u64, u64, Voxel)| {
-            // Fractions were cut off to whole steps, on average by half a step.
+            // Fractions were truncated to whole steps, on average by half a step.
             let mean = |sum_of: i32| {
                 (f64::from(sum_of) / f64::from(sum.samples) + 0.5) / f64::from(FRACTION)
             };
@@ -163,10 +174,11 @@ impl Grid {
     }
 }
 
-/// Adds one block's samples.
+/// Adds the samples of one block.
 fn add_samples(voxels: &mut VoxelMap, samples: &[Sample], frame: u32) {
     for piece in samples.chunks(LOOKED_UP) {
-        // Looked up one right after the other, so that the processor waits for the memory of several voxels at once.
+        // Looking the keys up one right after the other lets the processor wait for the memory of
+        // several voxels at once.
         let known = piece
             .chunk_by(|a, b| a.key == b.key)
             .filter(|run| voxels.contains_key(&run[0].key))
@@ -176,7 +188,9 @@ fn add_samples(voxels: &mut VoxelMap, samples: &[Sample], frame: u32) {
     }
 }
 
-/// Runs in the same voxel are summed before the voxel is looked up.
+/// Adds samples to their voxels.
+///
+/// Consecutive samples of the same voxel share one lookup.
 fn add_piece(voxels: &mut VoxelMap, samples: &[Sample], frame: u32) {
     for run in samples.chunk_by(|a, b| a.key == b.key) {
         let voxel = voxels.entry(run[0].key).or_default();
@@ -196,20 +210,25 @@ fn add_piece(voxels: &mut VoxelMap, samples: &[Sample], frame: u32) {
     }
 }
 
-/// Cosine between the normals of two voxels from which they can be one surface: the other side of a leaf is another one.
+/// Minimum cosine between the normals of two voxels of one surface.
+///
+/// The other side of a leaf is another surface.
 const SAME_SIDE: f32 = 0.5;
-/// Share of the squared distance between two voxels that lies along the normal where one is behind the other. Neighbours on a
-/// slanted surface lie next to each other instead.
+/// Minimum share along the normal of the squared distance between two voxels of different layers.
+///
+/// Neighbours on a slanted surface lie next to each other instead.
 const ALONG_NORMAL: f32 = 0.5;
-/// Distance along the normal up to which two layers are one surface, in voxels.
+/// Maximum distance along the normal between two layers of one surface, in voxels.
 const ONE_SURFACE: f32 = 1.0;
 
-/// Voxels by key, in parts that are filled in parallel.
+/// Voxels by key, in shards that are filled in parallel.
 type Shards = [VoxelMap];
 
-/// Gives the samples of a voxel to the neighbour before or behind it that has more, where both are the same surface: noise of
-/// depths and poses, and a surface along the border of two voxels, would otherwise make two points of one. Returns how many
-/// voxels went. What is decided depends on the sums alone, not on any order.
+/// Merges each voxel into the neighbour along its normal that has more samples, if any.
+///
+/// Both must belong to the same surface. Otherwise the noise of depths and poses, or a surface
+/// along the border of two voxels, would make two points of one. Returns the number of merged
+/// voxels. The decision depends only on the sums, not on any order.
 fn merge_layers(shards: &mut Shards, progress: &Progress) -> Result<usize, Stopped> {
     let all: &Shards = shards;
     let stronger: Vec<VoxelMap<u64>> = all
@@ -226,7 +245,8 @@ fn merge_layers(shards: &mut Shards, progress: &Progress) -> Result<usize, Stopp
     for (shard, targets) in stronger.iter().enumerate() {
         progress.check()?;
         for (key, target) in targets {
-            // A voxel that gives its own samples away takes none: they would move by more than one voxel.
+            // A voxel that is merged itself takes no samples: they would move by more than one
+            // voxel.
             if stronger[shard_of(*target)].contains_key(target) {
                 continue;
             }
@@ -242,7 +262,7 @@ fn merge_layers(shards: &mut Shards, progress: &Progress) -> Result<usize, Stopp
     Ok(merged)
 }
 
-/// The neighbour along the normal that is the same surface and has more samples, if any.
+/// Returns the neighbour along the normal that is the same surface and has more samples, if any.
 fn stronger_layer(shards: &Shards, key: u64, voxel: &Voxel) -> Option<u64> {
     let normal = voxel.mean_normal();
     if normal == Vec3::ZERO {
@@ -271,7 +291,7 @@ fn is_same_surface(voxel: &Voxel, normal: Vec3, other: &Voxel, offset: [i32; 3])
         && along * along >= ALONG_NORMAL * way.length_squared()
 }
 
-/// Voxels from `origin` to `key` along each axis; they are neighbours.
+/// Returns the number of voxels from `origin` to its neighbour `key` along each axis.
 fn offset(key: u64, origin: u64) -> [i32; 3] {
     AXIS_SHIFTS.map(|shift| {
         let index = |key: u64| (key >> shift & 0x1F_FFFF) as i32;
@@ -280,13 +300,16 @@ fn offset(key: u64, origin: u64) -> [i32; 3] {
 }
 
 impl Voxel {
-    /// The mean place of its samples in the voxel, 0 to 1.
+    /// Returns the mean position of the samples within the voxel, 0 to 1.
     fn mean_place(&self) -> Vec3 {
         Vec3::from_array(self.fraction.map(|sum| sum as f32))
             / (self.samples.max(1) as f32 * FRACTION)
     }
 
-    /// Adds the samples of a neighbour that lies `offset` voxels away. Frames that measured both count once.
+    /// Adds the samples of a neighbour that lies `offset` voxels away.
+    ///
+    /// `views` becomes the larger of the two counts, so that frames that measured both voxels count
+    /// once.
     fn take(&mut self, other: &Self, offset: [i32; 3]) {
         for (axis, voxels) in offset.into_iter().enumerate() {
             self.fraction[axis] +=
@@ -304,7 +327,7 @@ mod tests {
     use super::*;
     use crate::fuse::voxel_map::{SHARDS, cell_key};
 
-    /// A voxel that faces `normal`, its samples at `height` along z.
+    /// Returns a voxel that faces `normal`, with its samples at `height` along z.
     fn voxel(height: f32, samples: u32, normal: [i32; 3]) -> Voxel {
         let half = (FRACTION / 2.0) as i32 * samples as i32;
         let at = (height * FRACTION) as i32 * samples as i32;
@@ -332,7 +355,7 @@ mod tests {
     }
 
     #[test]
-    fn two_layers_of_one_surface_become_one_at_their_mean() {
+    fn two_layers_of_one_surface_merge_at_their_mean() {
         let up = [0, 0, 1];
         let (count, left) = merged(&[
             ([4, 4, 7], voxel(0.9, 30, up)),
@@ -354,7 +377,7 @@ mod tests {
     }
 
     #[test]
-    fn two_sides_of_a_leaf_and_two_surfaces_stay_apart() {
+    fn two_sides_of_a_leaf_and_two_surfaces_are_not_merged() {
         let (leaf, _) = merged(&[
             ([4, 4, 7], voxel(0.9, 30, [0, 0, 1])),
             ([4, 4, 8], voxel(0.1, 10, [0, 0, -1])),
@@ -371,7 +394,7 @@ mod tests {
     }
 
     #[test]
-    fn no_samples_move_by_more_than_a_voxel() {
+    fn samples_move_by_at_most_one_voxel() {
         let up = [0, 0, 1];
         let layers = [9, 20, 30].map(|samples| voxel(0.5, samples, up));
         let (count, left) = merged(&[

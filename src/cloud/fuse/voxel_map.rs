@@ -10,26 +10,26 @@ use std::hash::{BuildHasherDefault, Hasher};
 
 use glam::{DVec3, Vec3};
 
-/// Steps into which a voxel's edge is cut for summing positions.
+/// Number of steps per voxel edge in which positions are summed.
 pub(super) const FRACTION: f32 = 4096.0;
 
-/// Steps of a normal's component.
+/// Number of steps per unit in which normal components are summed.
 const NORMAL_STEPS: f32 = 1024.0;
 
-/// Voxels from the origin in each direction that the grid reaches.
+/// Extent of the grid from the origin in each direction, in voxels.
 pub(crate) const GRID_REACH: i32 = 1 << 20;
 
-/// Where the indices along x, y and z begin in a key.
+/// Bit positions of the x, y and z indices in a key.
 pub(super) const AXIS_SHIFTS: [u32; 3] = [42, 21, 0];
 
-/// A place in the grid: voxel, and where in it in 1 / 4096 of its edge.
+/// A voxel index and the position within that voxel, in 1/4096 of its edge.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cell {
     pub(super) index: [i32; 3],
     pub(super) fraction: [u16; 3],
 }
 
-/// One pixel lifted to 3-D.
+/// One pixel unprojected to 3-D.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sample {
     pub(super) key: u64,
@@ -50,7 +50,7 @@ pub(super) struct Voxel {
 }
 
 impl Cell {
-    /// The cell that holds a point in grid units; `None` beyond the grid.
+    /// Returns the cell that contains a point in grid units, or `None` outside the grid.
     pub(super) fn holding(in_grid: Vec3) -> Option<Self> {
         if !in_grid
             .abs()
@@ -59,7 +59,7 @@ impl Cell {
         {
             return None;
         }
-        // Rounding down by hand: without the processor's own instruction `floor` is a call for every number.
+        // Without the processor's own instruction, `floor` is a function call per number.
         let index = in_grid.to_array().map(|at| {
             let whole = at as i32;
             whole - i32::from(whole as f32 > at)
@@ -83,7 +83,7 @@ impl Sample {
     }
 }
 
-/// A voxel's index in one number, 21 bits a direction.
+/// Packs a voxel index into one number, with 21 bits per axis.
 pub(super) fn cell_key(index: [i32; 3]) -> u64 {
     index
         .iter()
@@ -102,22 +102,24 @@ pub(super) fn cell_index(key: u64) -> DVec3 {
     )
 }
 
-/// Parts of the grid that are filled side by side.
+/// Number of parts of the grid that are filled in parallel.
 pub(super) const SHARDS: usize = 32;
-/// Voxels along the edge of a block are 2 to the power of this many.
+/// Base-2 logarithm of the edge length of a block in voxels.
 const BLOCK_BITS: u32 = 2;
-/// The bits of a voxel's index within its block.
+/// Mask of the bits of a voxel index within its block.
 const WITHIN: u64 = (1 << BLOCK_BITS) - 1;
-/// An odd number that spreads bits upwards when multiplied: 2⁶⁴ over the golden ratio.
+/// An odd number that spreads bits upwards when multiplied: 2⁶⁴ divided by the golden ratio.
 const SPREAD: u64 = 0x9E37_79B9_7F4A_7C15;
-/// The bits of a hash that a map compares before it looks at keys.
+/// The bits of a hash that a map compares before it compares keys.
 const TAG: u64 = 0x7F << 57;
 
-/// Voxels by key. Those of a block of 4 × 4 × 4 lie next to each other in memory: pixels next to each other fall into voxels
-/// next to each other, and most of the time of a map with a plain hash goes into waiting for memory.
+/// Voxels by key, where those of a block of 4 × 4 × 4 are adjacent in memory.
+///
+/// Adjacent pixels fall into adjacent voxels. A map with a plain hash spends most of its time
+/// waiting for memory.
 pub(super) type VoxelMap<T = Voxel> = HashMap<u64, T, BuildHasherDefault<VoxelHasher>>;
 
-/// Hashes the keys of voxels; see [`VoxelMap`].
+/// Hasher of voxel keys; see [`VoxelMap`].
 #[derive(Debug, Default)]
 pub(super) struct VoxelHasher(u64);
 
@@ -142,14 +144,14 @@ impl Hasher for VoxelHasher {
     }
 }
 
-/// The key of a block's first voxel.
+/// Returns the key of the first voxel of a block.
 fn block_of(key: u64) -> u64 {
     AXIS_SHIFTS
         .iter()
         .fold(key, |key, &shift| key & !(WITHIN << shift))
 }
 
-/// The shard that a voxel is kept in: that of its block.
+/// Returns the shard that holds a voxel, which is that of its block.
 pub(super) fn shard_of(key: u64) -> usize {
     (block_of(key).wrapping_mul(SPREAD) >> 59) as usize % SHARDS
 }
@@ -162,7 +164,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn voxels_of_a_block_are_kept_together_and_blocks_apart() {
+    fn voxels_of_a_block_are_adjacent_in_memory() {
         let hasher = BuildHasherDefault::<VoxelHasher>::default();
         let place = |key: u64| hasher.hash_one(key) & !TAG;
         let block = |corner: [i32; 3]| -> Vec<u64> {

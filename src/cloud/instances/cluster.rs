@@ -1,4 +1,4 @@
-//! Instances by density clustering, and masks split by them.
+//! Instance segmentation by density clustering, and splitting masks by instance.
 
 use std::cmp::{Ordering, Reverse};
 use std::collections::{BTreeMap, VecDeque};
@@ -15,15 +15,19 @@ use ostra_core::job::Progress;
 use ostra_core::union_find::DisjointSets;
 use ostra_masks::{LabelId, LabelMask, Region};
 
-/// When points of a label are one instance.
+/// Options of instance segmentation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct InstanceOptions {
-    /// Points at most this many spacings (median distances to the nearest neighbour) apart are neighbours, 1.5–20.
+    /// Maximum distance between neighbours, in point spacings, 1.5–20.
+    ///
+    /// The point spacing is the median distance to the nearest neighbour.
     pub radius: f64,
-    /// A point links others only if it has so many neighbours, 1–100: stray points of noise between two things have few.
+    /// Number of neighbours that a point needs to link others, 1–100.
+    ///
+    /// Isolated noise points between two objects have few neighbours.
     pub min_neighbours: usize,
-    /// Groups of fewer points are no instance, 1–1 000 000.
+    /// Minimum number of points of an instance, 1–1 000 000.
     pub min_points: usize,
 }
 
@@ -38,10 +42,11 @@ impl Default for InstanceOptions {
 }
 
 impl InstanceOptions {
-    /// Whether every number is in its range.
+    /// Checks that every option is in range.
     ///
     /// # Errors
-    /// [`SceneError::Request`] naming the first that is not.
+    ///
+    /// Returns [`SceneError::Request`] with the first option that is out of range.
     pub fn check(&self) -> Result<(), SceneError> {
         let ranges = [
             ("radius in spacings", self.radius, 1.5, 20.0),
@@ -70,26 +75,32 @@ impl InstanceOptions {
     }
 }
 
-/// Points between two looks at the progress.
+/// Points between two progress updates.
 const CHUNK: usize = 16_384;
 
-/// Which instance each point belongs to.
+/// The instance that each point belongs to.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Instances {
-    /// Per point the number of its instance, from 1; 0 = none.
+    /// Instance number per point, from 1; 0 is none.
     pub of_points: Vec<u32>,
-    /// Points of each instance: the first entry is that of instance 1.
+    /// Number of points per instance; the first entry is that of instance 1.
     pub sizes: Vec<usize>,
 }
 
-/// Groups of points that hang together: DBSCAN (Ester, Kriegel, Sander, Xu: *A density-based algorithm for discovering
-/// clusters in large spatial databases with noise*, KDD 1996) with a radius in multiples of the points' spacing.
-/// Points with few neighbours belong to the nearest group but link none. The largest comes first; of equal ones that
-/// whose first point by x, y, z comes first. Neither depends on the order of the points.
-/// The radius is in spacings because clouds have no common unit.
+/// Groups connected points into instances with DBSCAN.
+///
+/// The method is that of Ester, Kriegel, Sander, Xu: *A density-based algorithm for discovering
+/// clusters in large spatial databases with noise*, KDD 1996. The radius is in multiples of the
+/// point spacing, because clouds have no common unit. Points with few neighbours belong to the
+/// nearest group but do not link others.
+///
+/// The largest instance comes first. Instances of equal size are ordered by their first point in x,
+/// y, z order. The result does not depend on the order of the points.
 ///
 /// # Errors
-/// [`SceneError::Request`] for an option out of range, [`SceneError::Stopped`].
+///
+/// Returns [`SceneError::Request`] if an option is out of range. Returns [`SceneError::Stopped`] if
+/// the job is stopped.
 pub fn find_instances(
     points: &[Vec3],
     options: &InstanceOptions,
@@ -114,7 +125,7 @@ pub fn find_instances(
     Ok(numbered(points, &joined, options.min_points))
 }
 
-/// Whether each point has enough neighbours.
+/// Returns whether each point has at least `least` neighbours.
 fn cores(
     cells: &Cells<'_>,
     points: &[Vec3],
@@ -126,7 +137,7 @@ fn cores(
     in_chunks(points.len(), is_core, progress)
 }
 
-/// The sets of points with enough neighbours that are linked.
+/// Returns the sets of linked core points.
 fn linked(
     cells: &Cells<'_>,
     is_core: &[bool],
@@ -147,7 +158,9 @@ fn linked(
     Ok(sets)
 }
 
-/// The root of each point's set; others than cores take that of the nearest core around.
+/// Returns the root of each point's set.
+///
+/// Points that are not core points take the root of the nearest core point within the radius.
 fn joined(
     cells: &Cells<'_>,
     points: &[Vec3],
@@ -188,7 +201,7 @@ fn in_chunks<T: Send>(
     Ok(chunks.into_iter().flatten().collect())
 }
 
-/// Sets of enough points, by size and then by place.
+/// Numbers the sets with enough points by decreasing size, then by position.
 fn numbered(points: &[Vec3], roots: &[Option<u32>], least: usize) -> Instances {
     let mut sets: BTreeMap<u32, (usize, Vec3)> = BTreeMap::new();
     for (root, &x) in roots
@@ -232,7 +245,7 @@ fn by_place(a: Vec3, b: Vec3) -> Ordering {
         .then(a.z.total_cmp(&b.z))
 }
 
-/// Points in cubic cells as wide as the radius within which neighbours are looked for.
+/// Points in cubic cells whose edge length is the neighbour radius.
 pub(super) struct Cells<'a> {
     points: &'a [Vec3],
     radius: f64,
@@ -240,7 +253,7 @@ pub(super) struct Cells<'a> {
 }
 
 impl<'a> Cells<'a> {
-    /// Points that are not finite are nobody's neighbours.
+    /// Sorts points into cells. Non-finite points are excluded.
     pub(super) fn new(points: &'a [Vec3], radius: f64) -> Self {
         let mut cells: FxHashMap<IVec3, Vec<u32>> = FxHashMap::default();
         for (k, x) in points.iter().enumerate().filter(|(_, x)| x.is_finite()) {
@@ -253,7 +266,7 @@ impl<'a> Cells<'a> {
         }
     }
 
-    /// The other points at most the radius away from the `of`-th.
+    /// Returns the other points within the radius of point `of`.
     pub(super) fn neighbours(&self, of: usize) -> impl Iterator<Item = usize> + '_ {
         let x = self.points[of];
         let centre = cell_of(x, self.radius);
@@ -272,12 +285,14 @@ fn cell_of(x: Vec3, side: f64) -> IVec3 {
     cell.as_ivec3()
 }
 
-/// A frame's mask with the pixels of `inside` given to what the points chose that the frame sees there: a pixel takes
-/// the choice of the nearest pixel that sees a point, on a way through pixels of `inside`. `choice` runs along the
-/// points of `votes`, `None` chooses nothing. `None` where no pixel changes.
+/// Returns the mask with pixels of `inside` relabelled by the points they see, if any changes.
 ///
-/// Instances are written into the masks, which then vote again, instead of into the cloud alone: labels of
-/// points always follow from the masks, so that a later vote does not undo the split.
+/// A pixel takes the choice of the nearest pixel that sees a point, along a path through pixels of
+/// `inside`. `choice` has one entry per point of `votes`; `None` is no choice. Returns `None` if no
+/// pixel changes.
+///
+/// Instances are written to the masks, which then vote again, instead of only to the cloud. Labels
+/// of points always follow from the masks, so a later vote does not undo the split.
 #[must_use]
 pub fn split_mask(
     votes: &Votes,
@@ -314,7 +329,7 @@ pub fn split_mask(
     Some(split)
 }
 
-/// The pixels that share a side with one.
+/// Returns the pixels that share a side with pixel `at`.
 fn beside(at: usize, width: usize, count: usize) -> [Option<usize>; 4] {
     let column = at % width;
     [

@@ -9,35 +9,46 @@ use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::LabelId;
 
-/// A piece of fewer points is noise.
+/// Minimum number of points of a fragment; smaller ones are noise.
 const LEAST_POINTS: usize = 10;
-/// Points of a piece that touch labelled ones, as a share of it at most: what hangs on a thing does so by a neck, what
-/// lies along it is its rim.
+/// Maximum share of a fragment's points that touch labelled ones.
+///
+/// An attached fragment touches its object at a neck; a fragment that lies along the object is its
+/// rim.
 const MOST_TOUCHING: f64 = 0.5;
-/// Share of the labelled points touched that one label must have.
+/// Minimum share of one label among the labelled points that a fragment touches.
 const LEAST_OF_ONE: f64 = 0.9;
-/// Points of a piece, as a share of all that its label has, at most: what is larger is a thing of its own.
+/// Maximum size of a fragment as a share of the points of its label.
+///
+/// A larger fragment is an object of its own.
 const MOST_OF_LABEL: f64 = 0.1;
 
-/// Points without a label that hang together and on one labelled thing alone: a tip or a span that no mask has.
+/// A fragment: connected unlabelled points that are attached to a single label.
+///
+/// Typical fragments are tips and spans that masks missed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct HangingPiece {
-    /// What it hangs on.
+    /// Label that the fragment is attached to.
     pub label: LabelId,
-    /// Its points, rising.
+    /// Indices of the points, in ascending order.
     pub points: Vec<u32>,
 }
 
-/// The pieces without a label that stand free in space but for a neck by which they hang on points of one label.
-/// `radius` is how far apart neighbours are at most, in spacings (median distances to the nearest neighbour) of the
-/// labelled points, 1.5–20. Pieces that touch other labels more than in passing, lie along a thing or are large beside
-/// it are left out. By the first of their points; they do not depend on the order in which these are looked at.
+/// Finds unlabelled fragments that are free in space except for a neck to points of one label.
 ///
-/// Such pieces are tips and spans that masks missed. Fusion does not attach them by itself: labels of points
-/// follow from the masks, so the masks have to change, in a visible step that can be undone.
+/// `radius` is the maximum distance between neighbours, in spacings of the labelled points, 1.5–20.
+/// The spacing is the median distance to the nearest neighbour. A fragment is left out if it
+/// touches other labels more than marginally, lies along an object or is large compared with it.
+/// Fragments are sorted by their first point, and do not depend on the order of the search.
+///
+/// Such fragments are tips and spans that masks missed. Fusion does not attach them by itself.
+/// Labels of points follow from the masks, so the masks have to change, in a visible step that can
+/// be undone.
 ///
 /// # Errors
-/// [`SceneError::Request`] for a radius out of range, [`SceneError::Stopped`].
+///
+/// Returns [`SceneError::Request`] if the radius is out of range. Returns [`SceneError::Stopped`]
+/// if the job is stopped.
 pub fn hanging_pieces(
     cloud: &LabelledCloud,
     radius: f64,
@@ -71,19 +82,19 @@ pub fn hanging_pieces(
     .pieces(&labelled, &sizes, progress)
 }
 
-/// The points without a label.
+/// The unlabelled points of a cloud.
 struct Free<'a> {
     cells: &'a Cells<'a>,
     labels: &'a [LabelId],
 }
 
-/// What is known of a point without a label.
+/// State of an unlabelled point during the search.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Known {
     Nothing,
-    /// It belongs to a piece that was looked at.
+    /// The point belongs to a fragment that was visited.
     Piece,
-    /// It belongs to something too large to hang on anything.
+    /// The point belongs to a component that is too large to be a fragment.
     Large,
 }
 
@@ -116,7 +127,7 @@ impl Free<'_> {
         Ok(pieces)
     }
 
-    /// The points without a label that touch labelled ones, rising.
+    /// Returns the unlabelled points that touch labelled ones, in ascending order.
     fn touching(&self, labelled: &[u32], progress: &Progress) -> Result<Vec<u32>, SceneError> {
         let touched = |chunk: &[u32]| {
             progress.check()?;
@@ -145,7 +156,9 @@ impl Free<'_> {
         self.labels[point] != LabelId::NONE
     }
 
-    /// The piece of a point; `None` where it has more than `most` points.
+    /// Returns the connected unlabelled points around `start`.
+    ///
+    /// Returns `None` if there are more than `most`.
     fn flood(
         &self,
         start: u32,
@@ -184,7 +197,7 @@ impl Free<'_> {
         Ok(Some(points))
     }
 
-    /// The one label that a piece hangs on by a neck.
+    /// Returns the label that a fragment is attached to by a neck, if there is exactly one.
     fn hangs_on(&self, points: &[u32]) -> Option<LabelId> {
         let mut touched: BTreeMap<LabelId, usize> = BTreeMap::new();
         let mut touching = 0;
@@ -206,7 +219,7 @@ impl Free<'_> {
     }
 }
 
-/// Points of the largest piece that may hang on a label of so many.
+/// Returns the maximum size of a fragment attached to a label of `size` points.
 fn allowed(size: usize) -> usize {
     (MOST_OF_LABEL * size as f64) as usize
 }
@@ -218,7 +231,7 @@ mod tests {
     const STEM: LabelId = LabelId(1);
     const LEAF: LabelId = LabelId(2);
 
-    /// A strip along x, three points wide and one apart, with a label.
+    /// Returns a strip along x, three points wide and with unit spacing, with the given label.
     fn strip(columns: std::ops::Range<i32>, y: f32, label: LabelId) -> Vec<(Vec3, LabelId)> {
         columns
             .flat_map(|x| [0.0, 1.0, 2.0].map(|z| (Vec3::new(x as f32, y, z), label)))
@@ -233,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tip_takes_the_label_of_its_leaf() {
+    fn tip_and_span_attach_to_their_leaf() {
         let tip = found(&[
             strip(0..100, 0.0, LEAF),
             strip(100..108, 0.0, LabelId::NONE),
@@ -254,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_along_it_goes_on_or_is_large_is_left() {
+    fn rims_large_parts_noise_and_detached_parts_are_not_attached() {
         let leaf = strip(0..100, 0.0, LEAF);
         let free = LabelId::NONE;
         assert!(
@@ -281,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn what_hangs_on_two_labels_is_nobodys() {
+    fn fragment_touching_two_labels_is_not_assigned() {
         let both = found(&[
             strip(0..100, 0.0, LEAF),
             strip(100..108, 0.0, LabelId::NONE),
@@ -291,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn a_radius_out_of_range_and_a_cloud_without_labels() {
+    fn radius_out_of_range_is_an_error_and_no_labels_give_no_fragments() {
         let cloud = LabelledCloud::from_positions(vec![Vec3::ZERO, Vec3::X]);
         assert!(
             hanging_pieces(&cloud, 0.5, &Progress::default())

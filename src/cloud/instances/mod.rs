@@ -1,5 +1,7 @@
-//! Instances of a class: points of one label that hang together in space, and the masks that tell them apart. Pieces
-//! without a label that hang on a labelled thing.
+//! Instances of a label, and unlabelled fragments.
+//!
+//! Instances are connected components of the points of one label; masks can be split by them.
+//! Fragments are unlabelled components that are attached to a labelled object.
 
 mod cluster;
 mod hanging;

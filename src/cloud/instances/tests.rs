@@ -4,7 +4,9 @@ use proptest::prelude::*;
 use super::*;
 use ostra_core::job::Progress;
 
-/// Points on a sphere, about one spacing of 1 apart for `count` = 4 π r².
+/// Returns points on a sphere.
+///
+/// The spacing is about 1 for `count` = 4 π r².
 fn sphere(centre: Vec3, radius: f32, count: usize) -> Vec<Vec3> {
     (0..count)
         .map(|k| {
@@ -21,7 +23,7 @@ fn found(points: &[Vec3], options: &InstanceOptions) -> Instances {
 }
 
 #[test]
-fn two_things_with_a_gap_are_two_and_the_larger_comes_first() {
+fn separate_objects_are_two_instances_by_size() {
     let points = [
         sphere(Vec3::ZERO, 8.0, 800),
         sphere(Vec3::X * 30.0, 10.0, 1250),
@@ -34,7 +36,7 @@ fn two_things_with_a_gap_are_two_and_the_larger_comes_first() {
 }
 
 #[test]
-fn a_bridge_of_stray_points_does_not_join_two_things() {
+fn isolated_points_do_not_join_two_objects() {
     let mut points = [
         sphere(Vec3::ZERO, 8.0, 800),
         sphere(Vec3::X * 30.0, 8.0, 800),
@@ -54,7 +56,7 @@ fn a_bridge_of_stray_points_does_not_join_two_things() {
 }
 
 #[test]
-fn specks_are_no_instances() {
+fn specks_are_not_instances() {
     let points = [
         sphere(Vec3::ZERO, 8.0, 800),
         sphere(Vec3::X * 30.0, 1.2, 20),
@@ -78,7 +80,7 @@ fn specks_are_no_instances() {
 }
 
 #[test]
-fn places_that_are_no_numbers_and_no_points_at_all_give_nothing() {
+fn non_finite_points_and_empty_clouds_have_no_instances() {
     assert_eq!(
         found(&[], &InstanceOptions::default()),
         Instances::default()
@@ -89,7 +91,7 @@ fn places_that_are_no_numbers_and_no_points_at_all_give_nothing() {
 }
 
 #[test]
-fn options_out_of_range_are_named() {
+fn options_out_of_range_are_errors() {
     let options = InstanceOptions {
         radius: 0.0,
         ..InstanceOptions::default()
@@ -100,7 +102,7 @@ fn options_out_of_range_are_named() {
 
 proptest! {
     #[test]
-    fn the_order_of_points_does_not_matter(
+    fn instances_do_not_depend_on_point_order(
         raw in prop::collection::vec(prop::array::uniform3(-6i8..6), 2..150).prop_shuffle(),
         turn in 1usize..100,
     ) {

@@ -15,14 +15,18 @@ use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::{LabelId, LabelTree};
 
-/// The angle (0 to 90 degrees) between two labels where they meet, for each pair: a row `angle_to_NAME` of the first
-/// label for each of its pieces (1 = the one with the most points), to the piece of the second label that comes nearest to
-/// it. Where a sheet leaves a rod it is the insertion angle that [`measure`](super::measure) tells too. The level and the
-/// ground of the options change nothing.
+/// Measures the angle (0–90 degrees) between two labels where they come closest, for each pair.
+///
+/// Each instance of the first label gives a row `angle_to_NAME`, where instance 1 has the most
+/// points. The angle is the one to the closest instance of the second label. Where a ribbon leaves
+/// a rod, it is the insertion angle that [`measure`](super::measure) also returns. The level and
+/// the ground in the options have no effect.
 ///
 /// # Errors
-/// [`SceneError::Request`] for a label that is not there, has no piece large enough or no axis, a label with itself or one
-/// that holds it; [`SceneError::Stopped`].
+///
+/// Returns [`SceneError::Request`] if a label does not exist, has no large enough instance or has
+/// no axis. The same error is returned if the labels of a pair are equal or nested. Returns
+/// [`SceneError::Stopped`] if the job is stopped.
 pub fn measure_angles(
     cloud: &LabelledCloud,
     pairs: &[[LabelId; 2]],
@@ -148,7 +152,10 @@ fn rows_of(
     )))
 }
 
-/// The body that comes nearest, and where; of those that are about as near, the longest: a culm, not a crumb beside it.
+/// Returns the closest body and the place where it is closest.
+///
+/// Among bodies that are about equally close, the longest wins: a culm rather than a crumb next to
+/// it.
 fn nearest<'a>(
     body: &Body,
     others: &'a [Body],
@@ -169,7 +176,7 @@ fn nearest<'a>(
         .max_by(|(a, _), (b, _)| a.length().total_cmp(&b.length())))
 }
 
-/// The angle, and how it was found.
+/// Returns the angle in degrees and how it was measured.
 fn angle(
     bodies: [&Body; 2],
     names: [&str; 2],
@@ -212,14 +219,18 @@ fn angle(
     })
 }
 
-/// Over how much of a body its direction is told: `reach`, more of a thick one, no more than there is.
+/// Returns the length of the part of a body that gives its direction.
+///
+/// It is `reach`, or the breadth of a thicker body, limited to the body's length.
 fn reach_of(body: &Body, reach: f64) -> f64 {
     reach
         .max(body.breadth())
         .min(body.length().max(f64::MIN_POSITIVE))
 }
 
-/// Unit direction of a body near a place on it. `None` for one as broad as it is long.
+/// Returns the unit direction of a body near a point on it.
+///
+/// Returns `None` for a body that is as broad as it is long.
 fn axis_near(body: &Body, at: DVec3, reach: f64) -> Option<DVec3> {
     let span = reach_of(body, reach);
     let about = |curve: &MedialCurve| {

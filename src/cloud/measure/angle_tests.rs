@@ -1,4 +1,4 @@
-//! Angles between labels, on shapes whose angles are exact.
+//! Angles between labels, on shapes with exactly known angles.
 
 use glam::{DQuat, DVec3};
 
@@ -36,7 +36,7 @@ fn assert_angle(row: &TraitRow, degrees: f64, within: f64) {
 }
 
 #[test]
-fn two_rods_that_cross() {
+fn angle_between_two_rods_is_measured() {
     let stem = whole_tube(2.5, -80.0, 80.0);
     let twig = turned(&whole_tube(1.5, 4.0, 90.0), DVec3::X, 40.0);
     for (pair, name) in [([1, 2], "angle_to_label 2"), ([2, 1], "angle_to_label 1")] {
@@ -64,8 +64,9 @@ fn two_rods_that_cross() {
 }
 
 #[test]
-fn a_bent_rod_has_the_direction_it_has_there() {
-    // An arc of radius 120 mm that meets the stem at a right angle, 90 degrees turned where it ends.
+fn bent_rod_has_its_local_direction() {
+    // An arc of radius 120 mm that meets the stem at a right angle and is turned by 90 degrees at
+    // its end.
     let bent = patch((9.0, 180.0), |u, v| {
         let (sin, cos) = (v / 120.0).sin_cos();
         let ring = 1.5 * DVec3::new((u / 1.5).cos(), (u / 1.5).sin(), 0.0);
@@ -74,12 +75,12 @@ fn a_bent_rod_has_the_direction_it_has_there() {
             + DVec3::new(-ring.x * sin, ring.y, ring.x * cos)
     });
     let rows = angles(&[bent, whole_tube(2.5, -80.0, 80.0)], [1, 2]).unwrap();
-    // Over the first 30 mm the chord of the arc leans by half of what the arc turns.
+    // Over the first 30 mm, the chord of the arc leans by half of what the arc turns.
     assert_angle(&rows[0], 90.0 - (15.0_f64 / 120.0).to_degrees(), 2.0);
 }
 
 #[test]
-fn a_sheet_on_a_rod_has_its_insertion_angle() {
+fn angle_of_a_sheet_on_a_rod_is_the_insertion_angle() {
     let stem = whole_tube(2.5, 0.0, 150.0);
     let (sin, cos) = 35_f64.to_radians().sin_cos();
     let blade = patch((10.0, 100.0), |u, v| {
@@ -115,7 +116,7 @@ fn a_sheet_on_a_rod_has_its_insertion_angle() {
 }
 
 #[test]
-fn each_piece_is_measured_against_the_one_it_comes_nearest() {
+fn each_instance_is_measured_against_the_closest_one() {
     let aside = |part: &[DVec3]| {
         part.iter()
             .map(|&x| x + 200.0 * DVec3::X)
@@ -125,7 +126,7 @@ fn each_piece_is_measured_against_the_one_it_comes_nearest() {
     let stems = [whole_tube(2.5, -80.0, 80.0), aside(&leaning)].concat();
     let [steep, flat] = [30.0, 70.0]
         .map(|degrees| turned(&whole_tube(1.5, 4.0, 50.0 + degrees), DVec3::X, degrees));
-    // The second twig, the longer one, grows from the stem that leans.
+    // The second, longer twig grows from the leaning stem.
     let rows = angles(&[[steep, aside(&flat)].concat(), stems], [1, 2]).unwrap();
     assert_eq!(
         rows.iter().map(|row| row.instance).collect::<Vec<_>>(),
@@ -136,7 +137,7 @@ fn each_piece_is_measured_against_the_one_it_comes_nearest() {
 }
 
 #[test]
-fn a_crumb_beside_the_rod_is_not_what_it_meets() {
+fn crumb_next_to_the_rod_is_ignored() {
     let twig = turned(&whole_tube(1.5, 4.0, 90.0), DVec3::X, 40.0);
     let crumb = patch((8.0, 8.0), |u, v| {
         DVec3::new(u - 4.0, -4.0 + 0.01 * v, v + 4.5)
@@ -146,7 +147,7 @@ fn a_crumb_beside_the_rod_is_not_what_it_meets() {
 }
 
 #[test]
-fn a_block_has_its_longest_axis_and_a_ball_none() {
+fn block_has_an_axis_and_cube_has_none() {
     let solid = |x: f64, y: f64, z: f64| -> Vec<DVec3> {
         let count = (x * y * z / 8.0) as u32;
         let share = |k: u32, by: f64| (f64::from(k) * by).fract() - 0.5;
@@ -188,7 +189,7 @@ fn a_block_has_its_longest_axis_and_a_ball_none() {
 }
 
 #[test]
-fn what_does_not_meet_is_told() {
+fn definition_states_that_parts_do_not_meet() {
     let far = whole_tube(2.5, -80.0, 80.0)
         .into_iter()
         .map(|x| x + 300.0 * DVec3::X)
@@ -207,7 +208,7 @@ fn what_does_not_meet_is_told() {
 }
 
 #[test]
-fn pairs_that_have_no_angle_are_refused() {
+fn pairs_without_an_angle_are_errors() {
     let parts = [
         whole_tube(2.5, 0.0, 80.0),
         vec![DVec3::ONE; 30],
@@ -260,7 +261,7 @@ fn pairs_that_have_no_angle_are_refused() {
 }
 
 #[test]
-fn stops() {
+fn stop_request_ends_the_measurement() {
     let progress = Progress::default();
     progress.stop();
     let cloud = cloud(&[whole_tube(2.5, 0.0, 50.0), whole_tube(2.5, 60.0, 110.0)]);

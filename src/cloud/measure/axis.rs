@@ -3,27 +3,30 @@ use nalgebra::{Matrix4, Vector4};
 
 use ostra_core::statistics::upper_median;
 
-/// A straight axis: a place on it and its unit direction.
+/// A straight axis: a point on it and its unit direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Axis {
     pub(super) x: DVec3,
     pub(super) along: DVec3,
 }
 
-/// Steps of the fit at most.
+/// Maximum number of iterations of the fit.
 const STEPS: usize = 30;
-/// Share of the normal matrix's trace that is added to its diagonal: what points of a narrow strip do not tell stays as
-/// it was.
+/// Share of the normal matrix's trace that is added to its diagonal.
+///
+/// Parameters that the points of a narrow strip do not determine stay unchanged.
 const DAMPING: f64 = 1e-3;
-/// Fewer points determine no cylinder.
+/// Minimum number of points that determine a cylinder.
 const LEAST_POINTS: usize = 8;
-/// An axis farther from where the fit began was not determined, cosine.
+/// Minimum cosine between the fitted and the initial axis; beyond it the fit is not determined.
 const LEAST_COSINE: f64 = 0.9;
 
 impl Axis {
-    /// Axis of the cylinder of a known radius through those of the points that lie within `reach` of `self.x` along the
-    /// axis: least squares of the distances from its surface (Gauss and Newton, damped), without points beyond 2.5 median
-    /// distances. As the radius is known, points of one side suffice. `self` where they determine none.
+    /// Fits the axis of a cylinder of known radius to the points within `reach` of `self.x`.
+    ///
+    /// The reach is measured along the axis. The fit minimises squared distances from the surface
+    /// by damped Gauss-Newton iterations, without points beyond 2.5 median distances. As the radius
+    /// is known, points on one side suffice. Returns `self` if the points do not determine an axis.
     pub(super) fn fitted(self, points: &[DVec3], radius: f64, reach: f64) -> Self {
         let within = reach + 2.0 * radius;
         let near: Vec<DVec3> = points
@@ -48,14 +51,15 @@ impl Axis {
         }
     }
 
-    /// One step of the fit, and how far it moved the axis within the reach.
+    /// Performs one iteration; returns the new axis and how far it moved within the reach.
     fn step(self, points: &[DVec3], radius: f64, reach: f64) -> Option<(Self, f64)> {
         let (u, v) = self.along.any_orthonormal_pair();
         let near = points
             .iter()
             .map(|&x| x - self.x)
             .filter(|offset| offset.dot(self.along).abs() <= reach);
-        // Per point: unit direction from the axis, place along it as a share of the reach, distance from the surface.
+        // Per point: unit direction from the axis, position along it as a share of the reach,
+        // distance from the surface.
         let rows: Vec<(DVec2, f64, f64)> = near
             .map(|offset| {
                 let across = DVec2::new(offset.dot(u), offset.dot(v));
@@ -89,7 +93,9 @@ impl Axis {
 mod tests {
     use super::*;
 
-    /// A strip of `arc` radians of a cylinder of radius 2.5 about `axis`, up to 30 to both sides.
+    /// Returns a strip of a cylinder of radius 2.5 about `axis`.
+    ///
+    /// It covers `arc` radians and extends up to 30 on both sides.
     fn strip(axis: Axis, arc: impl Fn(f64) -> f64) -> Vec<DVec3> {
         let (u, v) = axis.along.any_orthonormal_pair();
         let point = |k: u32| {
@@ -101,12 +107,12 @@ mod tests {
     }
 
     #[test]
-    fn one_side_tells_the_axis() {
+    fn axis_is_recovered_from_points_on_one_side() {
         let axis = Axis {
             x: DVec3::new(3.0, -1.0, 8.0),
             along: DVec3::new(0.2, 0.1, 1.0).normalize(),
         };
-        // The side that is seen narrows upwards, so that the middle of what is seen leans.
+        // The visible side narrows upwards, so that the middle of the visible points leans.
         let seen = strip(axis, |along| 2.4 - 0.02 * along);
         let begin = Axis {
             x: axis.x + DVec3::new(1.0, 0.6, 0.0),
@@ -127,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn too_few_points_leave_the_axis() {
+    fn too_few_points_leave_the_axis_unchanged() {
         let axis = Axis {
             x: DVec3::ZERO,
             along: DVec3::Z,

@@ -1,4 +1,4 @@
-//! The shape of a piece, and rods joined across gaps.
+//! The shape of a connected component, and rods joined across gaps.
 
 use glam::DVec3;
 
@@ -10,7 +10,7 @@ use super::trait_table::Trait;
 use ostra_core::job::{Progress, Stopped};
 use ostra_core::statistics::{nth_smallest, upper_median};
 
-/// One instance of a label: points that hang together.
+/// One instance of a label: a connected set of points.
 #[derive(Debug, Clone)]
 pub(super) struct Body {
     pub(super) points: Vec<DVec3>,
@@ -19,7 +19,7 @@ pub(super) struct Body {
     pub(super) shape: Shape,
 }
 
-/// What kind of thing a body is, as most of its cross-sections say.
+/// Shape class of a body, by the majority of its cross-sections.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Shape {
     /// Long and round.
@@ -30,17 +30,17 @@ pub(super) enum Shape {
     Lump,
 }
 
-/// How broad the cross-sections of a body are.
+/// Breadths of the cross-sections of a body, in world units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Breadths {
     pub(super) median: f64,
     pub(super) mean: f64,
-    /// What 95 % of the sections stay below.
+    /// The 95th percentile.
     pub(super) most: f64,
 }
 
 impl Breadths {
-    /// Of at least one section, in rising order.
+    /// Computes the breadths of at least one section, given in ascending order.
     fn of(sorted: &[f64]) -> Self {
         let count = sorted.len();
         let at = |share: usize| sorted[(count * share / 100).min(count - 1)];
@@ -51,7 +51,7 @@ impl Breadths {
         }
     }
 
-    /// Of a body joined from two, by their lengths.
+    /// Returns the breadths of two joined bodies, weighted by their lengths.
     fn joined(self, own_length: f64, other: Self, other_length: f64) -> Self {
         let mixed =
             |a: f64, b: f64| (own_length * a + other_length * b) / (own_length + other_length);
@@ -64,7 +64,10 @@ impl Breadths {
 }
 
 impl Body {
-    /// `spacing`: median distance of the points to their nearest neighbours; `reach`: of steps between neighbouring points.
+    /// Creates a body and classifies its shape.
+    ///
+    /// `spacing` is the median distance of the points to their nearest neighbours. `reach` is the
+    /// maximum distance between linked points.
     pub(super) fn new(
         (points, area): (Vec<DVec3>, f64),
         spacing: f64,
@@ -91,12 +94,12 @@ impl Body {
         }
     }
 
-    /// Of the middle line; 0 without one.
+    /// Returns the length of the medial curve, or 0 without one.
     pub(super) fn length(&self) -> f64 {
         self.curve.as_ref().map_or(0.0, MedialCurve::length)
     }
 
-    /// Median diameter of a rod or width of a sheet, 0 of anything else.
+    /// Returns the median diameter of a rod or the median width of a sheet, otherwise 0.
     pub(super) fn breadth(&self) -> f64 {
         match self.shape {
             Shape::Rod(breadths) | Shape::Ribbon(breadths) => breadths.median,
@@ -104,7 +107,7 @@ impl Body {
         }
     }
 
-    /// The traits that need no other body; `spacing`: of the points.
+    /// Returns the traits that need no other body; `spacing` is that of the points.
     pub(super) fn traits(&self, spacing: f64) -> Vec<Trait> {
         let found = |name, value, definition| {
             Trait::new(name, (value, Length), definition, self.points.len())
@@ -143,7 +146,7 @@ impl Body {
     }
 }
 
-/// Share of the cross-sections that decide a shape.
+/// Share of the cross-sections that decides the shape.
 const MOST: f64 = 0.6;
 
 fn shape(points: &[DVec3], curve: &MedialCurve, spacing: f64) -> Shape {
@@ -166,7 +169,8 @@ fn shape(points: &[DVec3], curve: &MedialCurve, spacing: f64) -> Shape {
     if most(round.len()) && length > 1.5 * Breadths::of(&round).median {
         return Shape::Rod(Breadths::of(&round));
     }
-    // By the largest width: along its diagonal, a square is twice as long as it is broad on average.
+    // The largest width counts: along its diagonal, a square is on average twice as long as it is
+    // broad.
     if most(sheet.len()) && length > 1.5 * Breadths::of(&sheet).most {
         return Shape::Ribbon(Breadths::of(&sheet));
     }
@@ -177,10 +181,10 @@ fn shape(points: &[DVec3], curve: &MedialCurve, spacing: f64) -> Shape {
 #[derive(Debug, Clone, Copy)]
 struct End {
     rod: usize,
-    /// Whether it is the curve's first point.
+    /// Whether this is the first point of the curve.
     start: bool,
     x: DVec3,
-    /// Unit.
+    /// Unit vector.
     outward: DVec3,
     diameter: f64,
     length: f64,
@@ -192,9 +196,11 @@ impl End {
     }
 }
 
-/// Joins rods that continue one another across a gap, as the pieces of a culm do that its sheaths hide. A gap may be
-/// `longest` times as long as both pieces together. Short rods that taper off, as grains in a row do, are whole. Other
-/// bodies stay as they are; order is kept, a joined rod stands where its first piece stood.
+/// Joins rods that continue each other across a gap, such as parts of a culm hidden by its sheaths.
+///
+/// A gap may be `longest` times as long as both parts together. Short rods with tapering ends, such
+/// as grains in a row, are complete and are not joined. Other bodies are unchanged. The order is
+/// kept; a joined rod takes the place of its first part.
 pub(super) fn join_rods(mut bodies: Vec<Body>, longest: f64) -> Vec<Body> {
     while let Some((a, b)) = best_pair(&bodies, longest) {
         let (first, second) = (a.rod.min(b.rod), a.rod.max(b.rod));
@@ -220,7 +226,7 @@ fn ends(bodies: &[Body]) -> Vec<End> {
         };
         let length = curve.length();
         for (start, from) in [(true, curve.clone()), (false, curve.reversed())] {
-            // Over several diameters: the very end of a rod's middle line may lean.
+            // Several diameters are used, because the very end of a medial curve may lean.
             let span = length.min((6.0 * diameter).max(length / 6.0));
             let (x, outward) = (from.points[0], -from.direction_about(0.0, span));
             ends.push(End {
@@ -236,7 +242,7 @@ fn ends(bodies: &[Body]) -> Vec<End> {
     ends
 }
 
-/// The fitting pair of ends with the shortest gap.
+/// Returns the compatible pair of ends with the shortest gap.
 fn best_pair(bodies: &[Body], longest: f64) -> Option<(End, End)> {
     let ends = ends(bodies);
     let pairs = ends
@@ -244,20 +250,25 @@ fn best_pair(bodies: &[Body], longest: f64) -> Option<(End, End)> {
         .enumerate()
         .flat_map(|(k, a)| ends[k + 1..].iter().map(move |b| (*a, *b)));
     let fitting = pairs.filter(|(a, b)| a.rod != b.rod && continues(a, b, longest));
-    // A long piece says by itself where it goes on; two short ones may be things of their own, such as grains.
+    // A long rod shows reliably where it continues; two short ones may be separate objects, such as
+    // grains.
     let is_sure = |end: &End| !end.is_short();
     let cut_off = |end: &End| is_cut_off(&bodies[end.rod], end);
     let parts = fitting.filter(|(a, b)| is_sure(a) || is_sure(b) || (cut_off(a) && cut_off(b)));
     parts.min_by(|(a, b), (c, d)| a.x.distance(b.x).total_cmp(&c.x.distance(d.x)))
 }
 
-/// A rod is cut off where it keeps this share of its breadth to the end. A spheroid keeps about half, a tube all.
+/// Minimum share of its breadth that a rod keeps up to an end that is cut off.
+///
+/// A spheroid keeps about half, a tube all.
 const KEPT: f64 = 0.75;
-/// Fewer points at an end do not tell its breadth.
+/// Minimum number of points at an end that determine its breadth.
 const LEAST_POINTS: usize = 8;
 
-/// Whether a rod keeps its breadth to an end, as it does where something hides the rest: the points of the last third of
-/// a diameter lie about as far from the middle line as those of the next diameters. So does one with too few points.
+/// Returns whether a rod keeps its breadth up to an end, as it does if the rest is hidden.
+///
+/// The points of the last third of a diameter are then about as far from the medial curve as those
+/// of the next diameters. Returns true if there are too few points.
 fn is_cut_off(body: &Body, end: &End) -> bool {
     let Some(curve) = &body.curve else {
         return false;
@@ -283,7 +294,8 @@ fn is_cut_off(body: &Body, end: &End) -> bool {
 
 fn continues(a: &End, b: &End, longest: f64) -> bool {
     let gap = b.x - a.x;
-    // The middle line of a piece of a few diameters may lean; a long one beside it says where to go.
+    // The medial curve of a rod of a few diameters may lean; a long rod gives the direction
+    // instead.
     let unsure = [(a, b), (b, a)].map(|(own, other)| own.is_short() && !other.is_short());
     let aside = |unsure: bool| {
         0.75 * a.diameter.max(b.diameter) + if unsure { 0.6 } else { 0.15 } * gap.length()
@@ -298,7 +310,9 @@ fn continues(a: &End, b: &End, longest: f64) -> bool {
         && b.diameter < 1.6 * a.diameter
 }
 
-/// One curve through both, `near` and `far` saying which of their ends meet (true = the first point).
+/// Concatenates two curves into one.
+///
+/// `near` and `far` select the ends that meet, where true is the first point.
 fn joined(
     own: Option<MedialCurve>,
     other: Option<MedialCurve>,

@@ -1,4 +1,4 @@
-//! Sizes, surface area and volume of a piece.
+//! Sizes, surface area and volume of a connected component.
 
 use glam::{DVec2, DVec3, IVec3};
 use nalgebra::{Matrix3, SymmetricEigen};
@@ -10,7 +10,9 @@ use super::trait_table::Dimension::{Area, Length, Volume};
 use super::trait_table::Trait;
 use ostra_core::job::{Progress, Stopped};
 
-/// Area, volumes, and sizes along the axes of the world and of the points; `spacing`: of the points.
+/// Returns area, volumes, and sizes along the world axes and the principal axes.
+///
+/// `spacing` is that of the points.
 pub(super) fn extent_traits(points: &[DVec3], area: f64, spacing: f64) -> Vec<Trait> {
     let count = points.len();
     let found = |name, value, definition| Trait::new(name, value, definition, count);
@@ -61,7 +63,7 @@ fn box_sizes(points: &[DVec3]) -> DVec3 {
     high - low
 }
 
-/// Extents along the principal axes, longest first.
+/// Returns the extents along the principal axes, longest first.
 fn principal_sizes(points: &[DVec3]) -> [f64; 3] {
     let (mean, scatter) = scattered(points);
     let axes = SymmetricEigen::new(scatter).eigenvectors;
@@ -77,10 +79,12 @@ fn principal_sizes(points: &[DVec3]) -> [f64; 3] {
     sizes
 }
 
-/// A body has an axis where it spreads so many times as far along it as across.
+/// Minimum ratio of the spread along an axis to the spread across it for a body to have an axis.
 const LONGER: f64 = 1.25;
 
-/// The unit direction along which points spread most; `None` where they spread about as far along another.
+/// Returns the unit direction of the largest spread of the points.
+///
+/// Returns `None` if the spread along another direction is about as large.
 pub(super) fn principal_axis(points: &[DVec3]) -> Option<DVec3> {
     let eigen = SymmetricEigen::new(scattered(points).1);
     let most = eigen.eigenvalues.imax();
@@ -93,7 +97,7 @@ pub(super) fn principal_axis(points: &[DVec3]) -> Option<DVec3> {
     is_long.then(|| DVec3::new(axis[0], axis[1], axis[2]))
 }
 
-/// Mean and scatter matrix.
+/// Returns the mean and the scatter matrix.
 fn scattered(points: &[DVec3]) -> (DVec3, Matrix3<f64>) {
     let mean = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
     let mut scatter = Matrix3::<f64>::zeros();
@@ -104,15 +108,22 @@ fn scattered(points: &[DVec3]) -> (DVec3, Matrix3<f64>) {
     (mean, scatter)
 }
 
-/// A cell reaches at most this far from its point, in spacings: far enough that cells meet inside a surface.
+/// Maximum distance of a cell corner from its point, in spacings.
+///
+/// It is large enough that cells meet inside a surface.
 const CELL_REACH: f64 = 1.6;
-/// At the border a cell ends this far beyond its point, in spacings: half of what is missing to the true border.
+/// Distance of the cell edge beyond a border point, in spacings.
+///
+/// It is half of the gap to the true border.
 const BORDER: f64 = 0.30;
-/// Neighbours that shape a cell, in spacings.
+/// Radius of the neighbourhood that shapes a cell, in spacings.
 const NEIGHBOURHOOD: f64 = 3.2;
 
-/// Each point's share of the area of the surface that the points lie on, once for a thin sheet: its Voronoi cell in its
-/// tangent plane, cut off at the surface's border. `spacing` is the median distance to the nearest neighbour; 0 gives 0.
+/// Returns each point's share of the surface area; a thin sheet counts once.
+///
+/// The share is the area of the point's Voronoi cell in its tangent plane, cut off at the border of
+/// the surface. `spacing` is the median distance to the nearest neighbour; if it is 0, all areas
+/// are 0.
 pub(super) fn surface_areas(
     points: &[DVec3],
     spacing: f64,
@@ -175,7 +186,9 @@ fn cell_area(points: &[DVec3], grid: &Grid<'_>, x: DVec3, spacing: f64) -> f64 {
     0.5 * twice
 }
 
-/// Two orthonormal directions in the plane that fits a point (at the origin) and its neighbours.
+/// Returns two orthonormal directions in the tangent plane of a point.
+///
+/// The plane is fitted to the point (at the origin) and its neighbours.
 fn tangent_plane(offsets: &[DVec3]) -> (DVec3, DVec3) {
     let mean = offsets.iter().sum::<DVec3>() / (offsets.len() + 1) as f64;
     let mut scatter = Matrix3::<f64>::zeros();
@@ -191,8 +204,10 @@ fn tangent_plane(offsets: &[DVec3]) -> (DVec3, DVec3) {
         .any_orthonormal_pair()
 }
 
-/// Keeps the part of a convex polygon where `direction · x ≤ limit` (Sutherland, Hodgman, "Reentrant polygon
-/// clipping", Communications of the ACM 1974).
+/// Clips a convex polygon to `direction · x ≤ limit`.
+///
+/// The algorithm is that of Sutherland, Hodgman, "Reentrant polygon clipping", Communications of
+/// the ACM 1974.
 fn clip(polygon: &mut Vec<DVec2>, direction: DVec2, limit: f64) {
     let height = |x: DVec2| direction.dot(x) - limit;
     if polygon.iter().all(|&x| height(x) <= 0.0) {
@@ -212,20 +227,22 @@ fn clip(polygon: &mut Vec<DVec2>, direction: DVec2, limit: f64) {
     *polygon = kept;
 }
 
-/// Edge of a voxel in spacings: large enough that a surface has no holes.
+/// Edge length of a voxel in spacings, large enough that a surface has no holes.
 const EDGE: f64 = 3.0;
-/// More voxels than this are made larger.
+/// Number of voxels above which the edge length is increased.
 const MOST_VOXELS: f64 = 3e7;
 
-/// Volume of a body by the voxels of its surface: those that it encloses count whole, those that hold points half.
-/// `spacing` is that of the points; 0 gives 0.
+/// Computes the volume of a body from the voxels of its surface.
+///
+/// Enclosed voxels count fully, voxels that hold points count half. `spacing` is that of the
+/// points; if it is 0, the volume is 0.
 fn voxel_volume(points: &[DVec3], spacing: f64) -> f64 {
     if spacing <= 0.0 || points.is_empty() {
         return 0.0;
     }
     let low = points.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let size = points.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max) - low;
-    // With a layer of empty voxels around.
+    // The grid includes a layer of empty voxels on every side.
     let counts = |edge: f64| (size / edge).floor() + 3.0;
     let mut edge = EDGE * spacing;
     while counts(edge).element_product() > MOST_VOXELS {
@@ -249,7 +266,7 @@ fn voxel_volume(points: &[DVec3], spacing: f64) -> f64 {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 enum State {
-    /// What the flood has not reached.
+    /// Not reached by the flood fill.
     Enclosed,
     Occupied,
     Outside,
@@ -278,7 +295,7 @@ impl Voxels {
         self.states[index] = State::Occupied;
     }
 
-    /// Marks what can be reached from the outermost layer through the voxels' faces.
+    /// Marks the voxels that can be reached from the outermost layer through faces.
     fn flood(&mut self) {
         let mut open = vec![IVec3::ZERO];
         while let Some(at) = open.pop() {
@@ -302,7 +319,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_closed_body_is_filled_and_an_open_one_is_not() {
+    fn closed_surface_is_filled_and_open_surface_is_not() {
         let count = 20_000;
         let sphere: Vec<DVec3> = (0..count)
             .map(|k| {
@@ -320,7 +337,7 @@ mod tests {
     }
 
     #[test]
-    fn far_points_take_no_endless_memory() {
+    fn distant_points_do_not_exhaust_memory() {
         let points = [
             DVec3::ZERO,
             DVec3::X * 1e-6,

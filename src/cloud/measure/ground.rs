@@ -16,44 +16,52 @@ use ostra_masks::LabelId;
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GroundChoice {
-    /// The largest plane among the points without a label that the labelled ones stand on; no heights where there is none.
+    /// The largest plane among the unlabelled points that supports the labelled ones.
+    ///
+    /// If there is none, no heights are measured.
     #[default]
     Fitted,
-    /// The plane through most points of a label: a table, the soil.
+    /// The plane through most points of a label, such as a table or the soil.
     Label(LabelId),
-    /// All `x` with `normal · x = offset`, in world units; heights count along the normal.
+    /// All points `x` with `normal · x = offset`, in world units.
+    ///
+    /// Heights increase along the normal.
     Plane {
-        /// Upwards; of any length above 0.
+        /// The upward direction, of any length above 0.
         normal: [f64; 3],
-        /// Distance from the origin times the normal's length.
+        /// Distance from the origin times the length of the normal.
         offset: f64,
     },
 }
 
-/// A plane with its up.
+/// An oriented plane.
 pub(super) struct Ground {
-    /// Unit.
+    /// Unit vector.
     up: DVec3,
     offset: f64,
     definitions: [&'static str; 2],
 }
 
-/// Draws of three points.
+/// Number of random triples of points.
 const DRAWS: usize = 500;
-/// Points that a draw is tried on, at most.
+/// Maximum number of points that each plane is tested on.
 const TRIED: usize = 4000;
-/// Points lie on a plane within this share of the extent of the labelled ones.
+/// Maximum distance of a point from its plane, as a share of the extent of the labelled points.
 const TOLERANCE: f64 = 0.01;
-/// Share of the labelled points that stand above a ground.
+/// Share of the labelled points that are above a ground plane.
 const ABOVE: f64 = 0.97;
-/// The lowest labelled points stand within this share of their extent above a ground.
+/// Maximum height of the lowest labelled points above a ground plane, as a share of their extent.
 const STANDS: f64 = 0.2;
-/// Share of the points tried that a ground holds at least.
+/// Minimum share of the tested points that lie on a ground plane.
 const LEAST: f64 = 0.05;
 
 impl Ground {
+    /// Determines the ground plane of a cloud, if there is one.
+    ///
     /// # Errors
-    /// [`SceneError::Request`] for a label without points on a plane or a normal of length 0, [`SceneError::Stopped`].
+    ///
+    /// Returns [`SceneError::Request`] if a label has no points on a plane or the normal has length
+    /// 0. Returns [`SceneError::Stopped`] if the job is stopped.
     pub(super) fn of(
         cloud: &LabelledCloud,
         choice: &GroundChoice,
@@ -110,8 +118,10 @@ impl Ground {
         }
     }
 
-    /// The plane through most points of `id` that the other labelled points stand on (RANSAC: Fischler, Bolles, "Random
-    /// sample consensus", Communications of the ACM 1981), refined by least squares.
+    /// Fits the plane through most points of `id` that supports the other labelled points.
+    ///
+    /// The plane is found by RANSAC (Fischler, Bolles, "Random sample consensus", Communications of
+    /// the ACM 1981) and refined by least squares.
     fn fitted(
         cloud: &LabelledCloud,
         id: LabelId,
@@ -161,7 +171,7 @@ impl Ground {
         Ok(enough.map(|(_, plane)| plane.refined(&floor, tolerance).refined(&floor, tolerance)))
     }
 
-    /// Turned so that most of the points are above it.
+    /// Returns the plane, oriented so that most of the points are above it.
     fn upright(self, points: &[DVec3]) -> Self {
         let above = points.iter().filter(|&&x| self.height(x) > 0.0).count();
         if 2 * above >= points.len() {
@@ -213,7 +223,7 @@ impl Ground {
         self.up.dot(x) - self.offset
     }
 
-    /// Heights of the highest and the lowest of some points.
+    /// Returns the heights of the highest and the lowest of some points.
     pub(super) fn traits(&self, points: &[DVec3]) -> Vec<Trait> {
         let heights = || points.iter().map(|&x| self.height(x));
         let (Some(highest), Some(lowest)) = (
@@ -232,7 +242,7 @@ impl Ground {
     }
 }
 
-/// An even sample of the points whose label is wanted.
+/// Returns a uniform sample of the points whose label satisfies `wanted`.
 fn sample(cloud: &LabelledCloud, wanted: impl Fn(LabelId) -> bool) -> Vec<DVec3> {
     let table: Vec<bool> = (0..=u16::MAX).map(|id| wanted(LabelId(id))).collect();
     let labelled = cloud.positions.iter().zip(&cloud.labels);

@@ -3,7 +3,9 @@ use rand::RngExt;
 use rand_pcg::Pcg32;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-/// A face of the growing hull: corners anticlockwise seen from outside, and the points outside of it.
+/// A face of the growing hull.
+///
+/// Its corners are counterclockwise seen from outside; `outside` lists the points outside of it.
 struct Face {
     corners: [usize; 3],
     normal: DVec3,
@@ -12,14 +14,17 @@ struct Face {
     alive: bool,
 }
 
-/// Points within this share of their extent of one plane have no volume.
+/// Maximum distance from a plane, as a share of the extent, of points without volume.
 const FLAT: f64 = 1e-6;
-/// First shift of the points, as a share of their extent.
+/// Amplitude of the first perturbation of the points, as a share of their extent.
 const JOGGLE: f64 = 1e-8;
 
-/// Volume of the convex hull, within a millionth; 0 for fewer than four points or points in one plane. Quickhull with
-/// joggled input, so that no four points lie in one plane (Barber, Dobkin, Huhdanpaa, "The Quickhull algorithm for
-/// convex hulls", ACM Transactions on Mathematical Software 1996). Points that are not finite are left out.
+/// Returns the volume of the convex hull, accurate to one part in a million.
+///
+/// The volume is 0 for fewer than four points or for coplanar points. Non-finite points are
+/// excluded. The method is Quickhull with joggled input, so that no four points are coplanar
+/// (Barber, Dobkin, Huhdanpaa, "The Quickhull algorithm for convex hulls", ACM Transactions on
+/// Mathematical Software 1996).
 #[must_use]
 pub fn hull_volume(points: &[DVec3]) -> f64 {
     let points: Vec<DVec3> = points.iter().copied().filter(|x| x.is_finite()).collect();
@@ -30,7 +35,7 @@ pub fn hull_volume(points: &[DVec3]) -> f64 {
     let Some(corners) = first_tetrahedron(&points, FLAT * extent) else {
         return 0.0;
     };
-    // A rare tie that rounding decides badly is gone after a stronger shift.
+    // A rare tie that rounding resolves wrongly disappears with a stronger perturbation.
     let attempt = |k: i32| {
         quickhull(
             &joggled(&points, JOGGLE * 10_f64.powi(k) * extent, k as u64),
@@ -40,7 +45,7 @@ pub fn hull_volume(points: &[DVec3]) -> f64 {
     (0..5).find_map(attempt).unwrap_or(0.0)
 }
 
-/// The points about the first, each shifted at random by up to `amount`.
+/// Returns the points relative to the first one, each perturbed randomly by up to `amount`.
 fn joggled(points: &[DVec3], amount: f64, seed: u64) -> Vec<DVec3> {
     let mut dice = Pcg32::new(seed, 17);
     let mut shift = || amount * dice.random_range(-1.0..1.0);
@@ -50,7 +55,9 @@ fn joggled(points: &[DVec3], amount: f64, seed: u64) -> Vec<DVec3> {
         .collect()
 }
 
-/// Volume of the hull that grows from a tetrahedron; `None` when rounding broke its surface.
+/// Returns the volume of the hull grown from a tetrahedron.
+///
+/// Returns `None` if rounding broke its surface.
 fn quickhull(points: &[DVec3], corners: [usize; 4]) -> Option<f64> {
     let mut faces = tetrahedron(points, corners);
     let (mut next, mut kept) = (0, faces.len());
@@ -77,7 +84,9 @@ fn quickhull(points: &[DVec3], corners: [usize; 4]) -> Option<f64> {
     Some(faces.iter().filter(|face| face.alive).map(signed).sum())
 }
 
-/// Replaces the faces that `apex` sees by a cone from it to their horizon; `None` when that is not one closed line.
+/// Replaces the faces visible from `apex` by a cone from it to their horizon.
+///
+/// Returns `None` if the horizon is not one closed line.
 fn raise(faces: &mut Vec<Face>, points: &[DVec3], apex: usize) -> Option<()> {
     let mut edges: FxHashSet<(usize, usize)> = FxHashSet::default();
     let mut order = Vec::new();
@@ -121,7 +130,7 @@ fn raise(faces: &mut Vec<Face>, points: &[DVec3], apex: usize) -> Option<()> {
     Some(())
 }
 
-/// Gives each point to the first face that it lies outside of, if any.
+/// Assigns each point to the first face that it is outside of, if any.
 fn share_out(faces: &mut [Face], points: &[DVec3], numbers: impl Iterator<Item = usize>) {
     for k in numbers {
         if let Some(face) = faces.iter_mut().find(|face| face.height(points[k]) > 0.0) {
@@ -130,7 +139,7 @@ fn share_out(faces: &mut [Face], points: &[DVec3], numbers: impl Iterator<Item =
     }
 }
 
-/// Four points far apart; `None` when all lie within `tolerance` of one plane.
+/// Returns four points far apart, or `None` if all are within `tolerance` of one plane.
 fn first_tetrahedron(points: &[DVec3], tolerance: f64) -> Option<[usize; 4]> {
     let farthest = |distance: &dyn Fn(DVec3) -> f64| {
         let best = (0..points.len())
@@ -174,7 +183,7 @@ impl Face {
         }
     }
 
-    /// Height of a point above the face, above 0 outside.
+    /// Returns the signed height of a point above the face, positive outside.
     fn height(&self, x: DVec3) -> f64 {
         self.normal.dot(x) - self.offset
     }
@@ -185,7 +194,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cube_and_sphere() {
+    fn hull_volume_of_cube_and_sphere() {
         let cube: Vec<DVec3> = (0..27)
             .map(|k| DVec3::new(f64::from(k % 3), f64::from(k / 3 % 3), f64::from(k / 9)))
             .collect();
@@ -206,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn points_on_a_lattice_and_in_float_noise() {
+    fn hull_volume_of_lattices_with_coplanar_points() {
         let lattice = |count: i32| {
             (0..count * count * count).map(move |k| {
                 DVec3::new(
@@ -228,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn degenerate_sets_have_no_volume() {
+    fn degenerate_sets_have_zero_volume() {
         assert_eq!(hull_volume(&[]), 0.0);
         assert_eq!(hull_volume(&[DVec3::ONE; 9]), 0.0);
         let plane: Vec<DVec3> = (0..50)

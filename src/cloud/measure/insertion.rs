@@ -6,16 +6,22 @@ use super::medial::MedialCurve;
 use super::section::parabola;
 use ostra_masks::LabelId;
 
-/// How far from a rod's middle line a ribbon has left it, in the rod's radii.
+/// Distance from a rod's medial curve at which a ribbon has left the rod, in radii of the rod.
 const LEFT: f64 = 2.2;
-/// A ribbon belongs to a rod when it comes this near its middle line, in the rod's radii.
+/// Maximum distance between a ribbon and the medial curve of its rod, in radii of the rod.
 const TOUCHES: f64 = 4.0;
-/// So far from a rod's middle line a ribbon has surely left it, also where the line is a guess as the ribbon hides the rod.
+/// Distance at which a ribbon has certainly left a rod, in radii of the rod.
+///
+/// This holds even if the medial curve is only approximate because the ribbon hides the rod.
 const SURELY_LEFT: f64 = 8.0;
 
-/// Angle in degrees between a ribbon and the rod that it grows from: between the rod's axis where the ribbon leaves it
-/// and the chord of the first `reach` (at least the rod's diameter) of the ribbon's midrib, the smaller of the two (0–90), and
-/// which rod that is. `None` when the body is no ribbon, none of the rods is near, or it ends sooner.
+/// Returns the angle in degrees between a ribbon and the rod it grows from, and that rod.
+///
+/// The angle is between the rod's axis where the ribbon leaves it and the chord of the first part
+/// of the ribbon's midrib. That part is `reach` long, and at least as long as the rod's diameter.
+/// The smaller of the two angles counts (0–90).
+///
+/// Returns `None` if the body is not a ribbon, no rod is near, or the ribbon is too short.
 pub(super) fn insertion_angle<'a>(
     ribbon: &Body,
     rods: impl Iterator<Item = (LabelId, &'a Body)>,
@@ -39,7 +45,8 @@ pub(super) fn insertion_angle<'a>(
         .iter()
         .map(|(_, rod)| distance(rod))
         .fold(f64::INFINITY, f64::min);
-    // Of those that are about as near, the longest: a culm, not the sheath around it.
+    // Among rods at about the same distance the longest wins: a culm rather than the sheath around
+    // it.
     let length = |rod: &Body| rod.curve.as_ref().map_or(0.0, MedialCurve::length);
     let as_near = near
         .into_iter()
@@ -58,7 +65,8 @@ pub(super) fn insertion_angle<'a>(
     }
     let tip = outward.point_at(from + reach);
     let at = middle.nearest(root).at;
-    // Where a rod is seen from one side, the middle of what is seen lies off its axis, the more the more of it is hidden.
+    // If a rod is seen from one side, the middle of the visible points is off its axis; the offset
+    // grows with the hidden part.
     let rough = Axis {
         x: middle.point_at(at),
         along: middle.direction_about(at, reach),
@@ -69,15 +77,19 @@ pub(super) fn insertion_angle<'a>(
     Some((angle.min(180.0 - angle), (id, rod)))
 }
 
-/// Half widths of the strip about the midrib, in the rod's radii: the first that holds enough points.
+/// Half widths of the strip about the midrib, in radii of the rod.
+///
+/// The first strip with enough points is used.
 const STRIPS: [f64; 3] = [0.5, 1.0, 2.0];
-/// Fewest points of a strip.
+/// Minimum number of points of a strip.
 const LEAST_POINTS: usize = 8;
 
-/// Chord of a sheet's midrib from a rod's surface at `root` as far as `tip`. The sheet is bent about the rod where it leaves
-/// it, and the rod may hide some, so that the middle of its points lies off the midrib there. Hence a parabola through
-/// the points next to the half-plane from the rod's axis through the tip. `None` where they are too few, or none lies in
-/// the half next to the rod.
+/// Returns the chord of a sheet's midrib from the rod's surface at `root` to `tip`.
+///
+/// The sheet is bent about the rod where it leaves it, and the rod may hide part of it. The middle
+/// of its points is then off the midrib. The chord is therefore that of a parabola through the
+/// points near the half-plane from the rod's axis through the tip. Returns `None` if there are too
+/// few such points, or none in the half next to the rod.
 fn midrib_chord(
     sheet: &[DVec3],
     axis: Axis,
@@ -91,7 +103,7 @@ fn midrib_chord(
     let in_plane = |x: DVec3| DVec2::new((x - axis.x).dot(axis.along), (x - axis.x).dot(out));
     let begin = in_plane(root).max(DVec2::new(f64::NEG_INFINITY, radius));
     let chord = in_plane(tip) - begin;
-    // Shares of the chord along and across it.
+    // Coordinates along the chord and across it, as shares of its length.
     let local = |x: DVec2| {
         DVec2::new(chord.dot(x - begin), chord.perp_dot(x - begin)) / chord.length_squared()
     };
@@ -114,8 +126,10 @@ fn midrib_chord(
     Some(chord.x * axis.along + chord.y * out)
 }
 
-/// Where a ribbon, from its end on the rod outwards, leaves a rod: the arc length there, and the place on the rod's surface.
-/// The middle of a ribbon that is wrapped about the rod lies inside the rod, so that it is pushed out.
+/// Returns where a ribbon leaves a rod: the arc length and the point on the rod's surface.
+///
+/// The ribbon starts at its end on the rod. The middle of a ribbon that is wrapped about the rod
+/// lies inside the rod, so the point is moved outwards.
 fn collar(
     ribbon: &MedialCurve,
     axis: &MedialCurve,
@@ -144,17 +158,21 @@ fn collar(
     };
     let middle = ribbon.point_at(from);
     let out = off_axis(middle).length().max(radius);
-    // A ribbon's middle that lies near the axis does not tell the side to which it leaves.
+    // The middle of a ribbon near the axis does not show to which side the ribbon leaves.
     let side = off_axis(next).normalize_or_zero();
     Some((from, middle - off_axis(middle) + out * side))
 }
 
-/// The arc length at which a ribbon that goes along a rod first, as a leaf with its sheath, turns most within `reach` to both
-/// sides: the sheath hides the rod, so that the rod's middle line does not tell where the blade leaves it. `None` where the
-/// ribbon leaves at once. `near` and `far`: the first points that lie off the rod, and surely so.
+/// Returns the arc length of the sharpest turn of a ribbon that first follows a rod.
 ///
-/// On synthetic plants the insertion angle is off by less than 0.5° for blades alone, where the distance from
-/// the rod decides, and by 3° for leaves with a sheath, where the sharpest turn does.
+/// An example is a leaf with its sheath. The sheath hides the rod, so the rod's medial curve does
+/// not show where the blade leaves it. The turn is measured within `reach` on both sides. `near`
+/// and `far` are the first points that have left the rod and have certainly left it. Returns `None`
+/// if the ribbon leaves the rod at once.
+///
+/// On synthetic plants the insertion angle is off by less than 0.5° for blades alone, where the
+/// distance from the rod decides. It is off by 3° for leaves with a sheath, where the sharpest turn
+/// decides.
 fn knee(ribbon: &MedialCurve, near: Option<usize>, far: Option<usize>, reach: f64) -> Option<f64> {
     let along = ribbon.length_to(near?);
     if along < 2.0 * reach {

@@ -6,13 +6,13 @@ use glam::DVec3;
 use super::point_sets::{Grid, components};
 use ostra_core::job::{Progress, Stopped};
 
-/// The middle line of a long body: a polyline from end to end.
+/// The medial curve of a long body: a polyline from end to end.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct MedialCurve {
     pub(super) points: Vec<DVec3>,
 }
 
-/// A place on a [`MedialCurve`] with respect to a point.
+/// The closest position on a [`MedialCurve`] to a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Nearest {
     pub(super) distance: f64,
@@ -21,13 +21,17 @@ pub(super) struct Nearest {
 }
 
 impl MedialCurve {
-    /// Through the centroids of the level sets of the geodesic distance from one end (Verroust, Lazarus, "Extracting
-    /// skeletal curves from 3D scattered data", The Visual Computer 2000), lengthened to the outermost points; where
-    /// the body branches it follows the longest way. `spacing`: of the points; `reach`: of steps within the body.
-    /// `None` for a body too small to have a middle line.
+    /// Traces the curve through the level sets of the geodesic distance from one end.
+    ///
+    /// The curve passes through the centroids of the level sets (Verroust, Lazarus, "Extracting
+    /// skeletal curves from 3D scattered data", The Visual Computer 2000) and is extended to the
+    /// outermost points. If the body branches, the curve follows the longest path. `spacing` is
+    /// that of the points; `reach` is the maximum length of steps within the body. Returns `None`
+    /// if the body is too small for a medial curve.
     ///
     /// # Errors
-    /// [`Stopped`].
+    ///
+    /// Returns [`Stopped`] if the job is stopped.
     pub(super) fn trace(
         points: &[DVec3],
         spacing: f64,
@@ -72,7 +76,8 @@ impl MedialCurve {
             .filter_map(|(group, way)| part_about(points, group, way?, reach))
             .collect();
         let rough = Self::through(slices.iter().map(Vec::as_slice))?;
-        // Level sets lean towards the end that they are counted from; slices across the rough curve do not.
+        // Level sets lean towards the end that they are counted from; slices across the rough curve
+        // do not.
         Self::through(
             rough
                 .slices(&slices.concat(), slices.len())
@@ -81,7 +86,9 @@ impl MedialCurve {
         )
     }
 
-    /// Through the centroids of consecutive slices of a body, to its outermost points.
+    /// Returns the curve through the centroids of consecutive slices.
+    ///
+    /// The curve is extended to the outermost points.
     fn through<'a>(slices: impl Iterator<Item = &'a [DVec3]>) -> Option<Self> {
         let slices: Vec<&[DVec3]> = slices.filter(|slice| !slice.is_empty()).collect();
         let centroids: Vec<DVec3> = slices
@@ -98,7 +105,7 @@ impl MedialCurve {
         (curve.points.len() >= 3).then_some(curve)
     }
 
-    /// The points sorted into `count` slices of equal length along the curve.
+    /// Sorts the points into `count` slices of equal length along the curve.
     fn slices(&self, points: &[DVec3], count: usize) -> Vec<Vec<DVec3>> {
         let length = self.length().max(f64::MIN_POSITIVE);
         let mut slices = vec![Vec::new(); count];
@@ -116,7 +123,7 @@ impl MedialCurve {
             .sum()
     }
 
-    /// Arc length from the first point to the `index`-th.
+    /// Returns the arc length from the first point to point `index`.
     pub(super) fn length_to(&self, index: usize) -> f64 {
         self.points[..=index]
             .windows(2)
@@ -124,7 +131,7 @@ impl MedialCurve {
             .sum()
     }
 
-    /// The place on the curve that is nearest to `x`.
+    /// Returns the position on the curve that is closest to `x`.
     pub(super) fn nearest(&self, x: DVec3) -> Nearest {
         let mut best = Nearest {
             distance: f64::INFINITY,
@@ -147,7 +154,7 @@ impl MedialCurve {
         best
     }
 
-    /// The point at arc length `at`, clamped to the ends.
+    /// Returns the point at arc length `at`, clamped to the ends.
     pub(super) fn point_at(&self, at: f64) -> DVec3 {
         let mut left = at.max(0.0);
         for pair in self.points.windows(2) {
@@ -160,13 +167,13 @@ impl MedialCurve {
         self.points[self.points.len() - 1]
     }
 
-    /// Unit chord over the length `span` about arc length `at`.
+    /// Returns the unit direction of the chord of length `span` about arc length `at`.
     pub(super) fn direction_about(&self, at: f64, span: f64) -> DVec3 {
         let low = (at - 0.5 * span).clamp(0.0, (self.length() - span).max(0.0));
         (self.point_at(low + span) - self.point_at(low)).normalize_or(DVec3::Z)
     }
 
-    /// Places about `step` apart with the unit direction of the curve there.
+    /// Returns positions about `step` apart, each with the unit direction of the curve there.
     pub(super) fn stations(&self, step: f64) -> Vec<(DVec3, DVec3)> {
         let mut stations = Vec::new();
         let mut ahead = 0.5 * step;
@@ -184,7 +191,9 @@ impl MedialCurve {
         stations
     }
 
-    /// Outward unit direction at the first point, over the first sixth of the curve.
+    /// Returns the outward unit direction at the first point.
+    ///
+    /// The direction is measured over the first sixth of the curve.
     pub(super) fn start_direction(&self) -> DVec3 {
         let inner = (self.points.len() / 6).max(2).min(self.points.len() - 1);
         (self.points[0] - self.points[inner]).normalize_or(DVec3::Z)
@@ -196,7 +205,7 @@ impl MedialCurve {
         }
     }
 
-    /// Puts a point before the first, as far out along the curve's direction as the outermost of `body`.
+    /// Inserts a point before the first one, extending the curve to the outermost point of `body`.
     fn lengthen<'a>(&mut self, body: impl Iterator<Item = &'a DVec3>) {
         if self.points.len() < 3 {
             return;
@@ -207,7 +216,9 @@ impl MedialCurve {
     }
 }
 
-/// Shortest way lengths over steps of at most `reach` from `from`, and the step before on that way.
+/// Returns the shortest path lengths from `from`, and the predecessor of each point.
+///
+/// Paths consist of steps of at most `reach`.
 fn geodesic(
     points: &[DVec3],
     grid: &Grid<'_>,
@@ -222,7 +233,7 @@ fn geodesic(
     let mut parents = vec![None; points.len()];
     let mut queue = BinaryHeap::from([Reverse((0_u64, from))]);
     distances[from] = 0.0;
-    // Bits of a float that is not negative sort as the float.
+    // The bits of non-negative floats sort in the order of the floats.
     while let Some(Reverse((bits, k))) = queue.pop() {
         progress.check()?;
         let so_far = f64::from_bits(bits);
@@ -246,7 +257,7 @@ fn farthest(distances: &[f64]) -> Option<usize> {
     finite.max_by(|&a, &b| distances[a].total_cmp(&distances[b]))
 }
 
-/// The part of `group` that hangs together with `anchor`, one of the group.
+/// Returns the connected component of `group` that contains its member `anchor`.
 fn part_about(points: &[DVec3], group: &[usize], anchor: usize, reach: f64) -> Option<Vec<DVec3>> {
     let members: Vec<DVec3> = group.iter().map(|&k| points[k]).collect();
     let place = group.iter().position(|&k| k == anchor)?;
@@ -256,7 +267,7 @@ fn part_about(points: &[DVec3], group: &[usize], anchor: usize, reach: f64) -> O
     Some(part.iter().map(|&k| members[k]).collect())
 }
 
-/// Each inner point drawn halfway to the mean of its neighbours.
+/// Moves each inner point halfway to the mean of its neighbours.
 fn smoothed(points: &[DVec3]) -> Vec<DVec3> {
     let mut out = points.to_vec();
     for (k, triple) in points.windows(3).enumerate() {

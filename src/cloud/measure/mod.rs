@@ -1,4 +1,6 @@
-//! Traits from a labelled cloud: lengths, diameters, areas, volumes per label and instance, as a table.
+//! Traits of a labelled cloud as a table.
+//!
+//! The traits are lengths, diameters, areas, volumes, angles and heights, per label and instance.
 
 mod angle;
 #[cfg(test)]

@@ -1,11 +1,11 @@
-//! Sets of points: grid, spacing, components, and where two sets meet.
+//! Point sets: neighbour grid, spacing, components, and the closest points of two sets.
 
 use glam::{DVec3, IVec3};
 use rustc_hash::FxHashMap;
 
 use ostra_core::statistics::{trimmed_range, upper_median};
 
-/// Points in cubic cells, for finding neighbours within about one cell's side.
+/// Points in cubic cells, for neighbour searches within about one cell side.
 pub(super) struct Grid<'a> {
     points: &'a [DVec3],
     cell: f64,
@@ -13,7 +13,7 @@ pub(super) struct Grid<'a> {
 }
 
 impl<'a> Grid<'a> {
-    /// Cells of side `cell` (above 0).
+    /// Creates a grid of cells of side `cell` (above 0).
     pub(super) fn new(points: &'a [DVec3], cell: f64) -> Self {
         let mut cells: FxHashMap<IVec3, Vec<u32>> = FxHashMap::default();
         for (k, &x) in points.iter().enumerate() {
@@ -26,7 +26,9 @@ impl<'a> Grid<'a> {
         }
     }
 
-    /// Points within `radius` (at most the cell's side) of `x`, itself among them; in the order of cells and numbers.
+    /// Returns the points within `radius` of `x`, which includes `x` itself if it is one of them.
+    ///
+    /// `radius` is at most the side of a cell. The order is by cell, then by index.
     pub(super) fn within(&self, x: DVec3, radius: f64) -> impl Iterator<Item = usize> + '_ {
         let centre = cell_of(x, self.cell);
         (0..27)
@@ -44,8 +46,9 @@ fn cell_of(x: DVec3, cell: f64) -> IVec3 {
     (x / cell).floor().as_ivec3()
 }
 
-/// Median distance from a point to its nearest neighbour, over at most 1000 of the points; 0 for fewer than two
-/// distinct points.
+/// Returns the median distance from a point to its nearest neighbour.
+///
+/// At most 1000 of the points are sampled. The result is 0 for fewer than two distinct points.
 pub(super) fn median_spacing(points: &[DVec3]) -> f64 {
     let Some(extent) = core_extent(points) else {
         return 0.0;
@@ -72,7 +75,7 @@ pub(super) fn median_spacing(points: &[DVec3]) -> f64 {
     0.0
 }
 
-/// Largest extent of the middle 96 % of the coordinates; `None` when it is 0.
+/// Returns the largest extent of the middle 96 % of the coordinates, or `None` if it is 0.
 pub(super) fn core_extent(points: &[DVec3]) -> Option<f64> {
     let extent_along = |axis: usize| {
         let mut values: Vec<f64> = points.iter().map(|x| x[axis]).collect();
@@ -85,7 +88,9 @@ pub(super) fn core_extent(points: &[DVec3]) -> Option<f64> {
         .filter(|&extent| extent > 0.0)
 }
 
-/// The points, in order, without those nearer than `least` (above 0) to one kept before.
+/// Returns the points, in order, without those too close to an earlier kept one.
+///
+/// The minimum distance is `least` (above 0).
 pub(super) fn thinned(points: &[DVec3], least: f64) -> Vec<DVec3> {
     let mut kept: Vec<DVec3> = Vec::new();
     let mut cells: FxHashMap<IVec3, Vec<u32>> = FxHashMap::default();
@@ -105,7 +110,7 @@ pub(super) fn thinned(points: &[DVec3], least: f64) -> Vec<DVec3> {
     kept
 }
 
-/// Groups of points that hang together by steps of at most `reach`, the largest first.
+/// Returns the connected components over steps of at most `reach`, the largest first.
 pub(super) fn components(points: &[DVec3], reach: f64) -> Vec<Vec<usize>> {
     let grid = Grid::new(points, reach);
     let mut group_of = vec![usize::MAX; points.len()];
@@ -132,23 +137,26 @@ pub(super) fn components(points: &[DVec3], reach: f64) -> Vec<Vec<usize>> {
     groups
 }
 
-/// Where two sets of points come nearest.
+/// The closest points of two sets.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Meeting {
-    /// Of the first set.
+    /// Point of the first set.
     pub(super) a: DVec3,
-    /// Of the second set.
+    /// Point of the second set.
     pub(super) b: DVec3,
 }
 
-/// So many points of each set are compared each with each.
+/// Maximum number of sampled points of each set for the exhaustive comparison.
 const COMPARED: usize = 2000;
-/// Steps of the refinement at most.
+/// Maximum number of refinement steps.
 const STEPS: usize = 20;
 
 impl Meeting {
-    /// The nearest two of an even sample, from which each set's nearest point to the other's is taken in turn. `None` where a
-    /// set is empty.
+    /// Finds the closest points of two sets, or returns `None` if a set is empty.
+    ///
+    /// The search starts from the closest pair of uniform samples. It then alternately takes the
+    /// point of each set that is nearest to the other set's point, so the result may be a local
+    /// minimum.
     pub(super) fn of(a: &[DVec3], b: &[DVec3]) -> Option<Self> {
         let [few_a, few_b] = [sample(a), sample(b)];
         let pairs = few_a.iter().map(|&x| {
@@ -174,7 +182,7 @@ impl Meeting {
         Some(meeting)
     }
 
-    /// How far the two are apart.
+    /// Returns the distance between the two points.
     pub(super) fn gap(&self) -> f64 {
         self.a.distance(self.b)
     }
@@ -200,7 +208,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn two_lines_meet_where_they_come_nearest() {
+    fn closest_points_of_two_lines_are_found() {
         let line = |from: DVec3, step: DVec3| {
             (0..30_000)
                 .map(move |k| from + f64::from(k) * step)

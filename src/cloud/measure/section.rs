@@ -4,19 +4,21 @@ use super::medial::MedialCurve;
 use super::point_sets::Grid;
 use ostra_core::statistics::upper_median;
 
-/// What a cross-section of a body looks like.
+/// Shape of a cross-section of a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Section {
-    /// Round: its diameter.
+    /// Round, with its diameter.
     Round(f64),
-    /// A sheet cut across: its width along the sheet.
+    /// A sheet cut across, with its width along the sheet.
     Sheet(f64),
-    /// Neither, or too few points to tell.
+    /// Neither, or too few points to decide.
     Other,
 }
 
-/// Cross-sections along a body's middle line, one every `step`, from points within half a step of each cutting plane
-/// and nearer than `reach` to one another.
+/// Returns the cross-sections along a body's medial curve, one every `step`.
+///
+/// A cross-section consists of the points within half a step of its cutting plane. They are also
+/// within `widest`, or one step if that is larger, of the curve point.
 pub(super) fn sections(
     points: &[DVec3],
     curve: &MedialCurve,
@@ -38,11 +40,11 @@ pub(super) fn sections(
     curve.stations(step).iter().map(cut).collect()
 }
 
-/// Fewest points of a cross-section.
+/// Minimum number of points of a cross-section.
 const LEAST_POINTS: usize = 8;
-/// A circle's arc seen under less than this is no evidence of a round section, radians.
+/// Minimum visible arc of a round section, in radians.
 const LEAST_ARC: f64 = 2.0;
-/// A round section's points lie within this share of the radius, root mean square.
+/// Maximum RMS distance of the points from a round section, as a share of its radius.
 const ROUNDNESS: f64 = 0.15;
 
 fn section(points: &[DVec2]) -> Section {
@@ -57,11 +59,13 @@ fn section(points: &[DVec2]) -> Section {
         .unwrap_or(Section::Other)
 }
 
-/// A sheet's points lie within this share of its width of a parabola, root mean square.
+/// Maximum RMS distance of a sheet's points from a parabola, as a share of the sheet's width.
 const FLATNESS: f64 = 0.12;
 
-/// Length of the parabola fitted to the points in their principal axes, between the outermost; `None` where they lie
-/// too far off it for a sheet.
+/// Returns the arc length of the parabola fitted to the points in their principal axes.
+///
+/// The arc is that between the outermost points. Returns `None` if the points are too far off the
+/// parabola for a sheet.
 fn sheet_width(points: &[DVec2]) -> Option<f64> {
     let mean = points.iter().sum::<DVec2>() / points.len() as f64;
     let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
@@ -93,7 +97,7 @@ fn sheet_width(points: &[DVec2]) -> Option<f64> {
     Some((0..steps).map(piece).sum())
 }
 
-/// Least squares of `y = c0 + c1 x + c2 x²`; `None` when the points do not determine it.
+/// Fits `y = c0 + c1 x + c2 x²` by least squares; returns `None` if it is not determined.
 pub(super) fn parabola(points: &[DVec2]) -> Option<[f64; 3]> {
     let mut normal = nalgebra::Matrix3::<f64>::zeros();
     let mut right = nalgebra::Vector3::<f64>::zeros();
@@ -129,7 +133,9 @@ impl Circle {
             .sqrt()
     }
 
-    /// The arc that the points cover seen from the centre: the full turn less the widest gap, radians.
+    /// Returns the arc in radians that the points cover as seen from the centre.
+    ///
+    /// This is the full circle less the widest gap.
     fn arc(&self, points: &[DVec2]) -> f64 {
         let mut angles: Vec<f64> = points
             .iter()
@@ -145,7 +151,7 @@ impl Circle {
     }
 }
 
-/// The circle through most of the points: fitted to all, then to those nearer than 2.5 median residuals.
+/// Fits a circle to all points, then to those within 2.5 median residuals of the first fit.
 fn robust_circle(points: &[DVec2]) -> Option<Circle> {
     let first = taubin_circle(points)?;
     let mut residuals: Vec<f64> = points.iter().map(|&x| first.residual(x)).collect();
@@ -162,9 +168,11 @@ fn robust_circle(points: &[DVec2]) -> Option<Circle> {
     }
 }
 
-/// Algebraic circle fit without the bias of short arcs (Taubin, "Estimation of planar curves, surfaces and nonplanar
-/// space curves defined by implicit equations", IEEE PAMI 1991; by Newton's method as Chernov, "Circular and Linear
-/// Regression", 2010).
+/// Fits a circle algebraically, without the bias of short arcs.
+///
+/// The method is that of Taubin, "Estimation of planar curves, surfaces and nonplanar space curves
+/// defined by implicit equations", IEEE PAMI 1991. It is solved by Newton's method as in Chernov,
+/// "Circular and Linear Regression", 2010.
 fn taubin_circle(points: &[DVec2]) -> Option<Circle> {
     let count = points.len() as f64;
     let mean = points.iter().sum::<DVec2>() / count;
@@ -210,7 +218,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn circle_from_an_arc() {
+    fn circle_is_recovered_from_an_arc() {
         let arc: Vec<DVec2> = (0..40)
             .map(|k| DVec2::new(3.0, -1.0) + 2.5 * DVec2::from_angle(0.07 * f64::from(k)))
             .collect();
@@ -233,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn width_runs_along_a_bent_sheet() {
+    fn width_of_a_bent_sheet_is_its_arc_length() {
         let sheet: Vec<DVec2> = (0..=50)
             .map(|k| 16.0 * DVec2::from_angle(0.01 * f64::from(k)))
             .collect();

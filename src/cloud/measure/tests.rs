@@ -9,7 +9,9 @@ use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::{Label, LabelId, LabelTree};
 
-/// A cloud with labels 1, 2, … called `label 1`, `label 2`, …, moved, turned and scaled to metres from millimetres.
+/// Returns a cloud with labels 1, 2, … named `label 1`, `label 2`, ….
+///
+/// The parts are rotated, scaled from millimetres to metres, and translated.
 pub(super) fn cloud(parts: &[Vec<DVec3>]) -> LabelledCloud {
     let turn = 0.001 * DMat3::from_euler(glam::EulerRot::XYZ, 0.4, -0.7, 1.1);
     let mut cloud = LabelledCloud::default();
@@ -37,7 +39,7 @@ pub(super) fn cloud(parts: &[Vec<DVec3>]) -> LabelledCloud {
     cloud
 }
 
-/// Points about 1 mm apart on a patch of `size` mm bent by `place`.
+/// Returns points about 1 mm apart on a patch of `size` mm, bent by `place`.
 pub(super) fn patch(size: (f64, f64), place: impl Fn(f64, f64) -> DVec3) -> Vec<DVec3> {
     let mut dice = Pcg32::new(7, 1);
     let (columns, rows) = (size.0.round() as usize, size.1.round() as usize);
@@ -52,7 +54,7 @@ pub(super) fn patch(size: (f64, f64), place: impl Fn(f64, f64) -> DVec3) -> Vec<
         .collect()
 }
 
-/// The part of a tube's surface over `arc` radians between two heights, mm.
+/// Returns the part of a tube's surface over `arc` radians between two heights in mm.
 pub(super) fn tube(radius: f64, arc: f64, (low, high): (f64, f64)) -> Vec<DVec3> {
     patch((arc * radius, high - low), |u, v| {
         DVec3::new(
@@ -88,7 +90,7 @@ fn assert_near(got: Option<f64>, truth: f64, share: f64) {
 }
 
 #[test]
-fn rod() {
+fn rod_has_length_diameter_and_area() {
     let rows = rows(&[tube(2.5, std::f64::consts::TAU, (0.0, 200.0))]);
     assert_near(value(&rows, "label 1", 1, "length"), 0.2, 0.02);
     assert_near(value(&rows, "label 1", 1, "diameter"), 0.005, 0.03);
@@ -108,7 +110,7 @@ fn rod() {
 }
 
 #[test]
-fn half_seen_rod_with_a_hidden_middle_is_one() {
+fn half_visible_rod_is_joined_across_gaps() {
     let mut part = tube(2.5, 3.4, (0.0, 60.0));
     part.extend(tube(2.5, 3.4, (130.0, 180.0)));
     part.extend(tube(2.5, 3.4, (250.0, 270.0)));
@@ -130,7 +132,7 @@ fn half_seen_rod_with_a_hidden_middle_is_one() {
     assert_near(value(&rows, "label 1", 1, "diameter"), 0.005, 0.05);
 }
 
-/// The surface of a spheroid about the z axis, mm, points about 0.2 mm apart.
+/// Returns the surface of a spheroid about the z axis, in mm, with points about 0.2 mm apart.
 fn spheroid(half_length: f64, half_width: f64, middle: f64) -> Vec<DVec3> {
     let count = 1500;
     let point = |k: i32| {
@@ -152,7 +154,7 @@ fn grains_in_a_row_are_not_joined() {
 }
 
 #[test]
-fn ribbon() {
+fn ribbon_has_length_width_and_area() {
     let bent =
         |u: f64, v: f64| DVec3::new(u - 5.0, 80.0 * (v / 80.0).cos(), 80.0 * (v / 80.0).sin());
     let rows = rows(&[patch((10.0, 200.0), bent)]);
@@ -163,14 +165,14 @@ fn ribbon() {
 }
 
 #[test]
-fn what_is_as_broad_as_long_has_no_width() {
+fn square_sheet_has_no_width() {
     let rows = rows(&[patch((40.0, 40.0), |u, v| DVec3::new(u, v, 0.0))]);
     assert_eq!(value(&rows, "label 1", 1, "width"), None);
     assert_near(value(&rows, "label 1", 1, "area"), 0.0016, 0.06);
 }
 
 #[test]
-fn instances_are_counted_and_crumbs_are_not() {
+fn instances_are_counted_without_crumbs() {
     let shifted = |by: f64, count: f64| patch((8.0, count), move |u, v| DVec3::new(u + by, v, 0.0));
     let rows = rows(&[[shifted(0.0, 90.0), shifted(30.0, 50.0), shifted(60.0, 3.0)].concat()]);
     assert_eq!(value(&rows, "label 1", 0, "instances"), Some(2.0));
@@ -180,7 +182,7 @@ fn instances_are_counted_and_crumbs_are_not() {
 }
 
 #[test]
-fn insertion() {
+fn insertion_angle_of_a_blade_on_a_stem_is_measured() {
     let stem = tube(2.5, std::f64::consts::TAU, (0.0, 150.0));
     let (sin, cos) = 35_f64.to_radians().sin_cos();
     let blade = patch((10.0, 100.0), |u, v| {
@@ -198,15 +200,16 @@ fn insertion() {
 }
 
 #[test]
-fn insertion_where_half_of_rod_and_sheet_is_hidden() {
-    // Seen from +y: above the collar at 60 mm the sheet, which leaves towards +x, hides the less of the stem the higher;
-    // below, all of it is hidden.
+fn insertion_angle_is_accurate_with_half_of_rod_and_sheet_hidden() {
+    // The view is from +y. Above the collar at 60 mm, the sheet leaves towards +x and hides less of
+    // the stem with increasing height; below the collar it hides all of it.
     let stem = patch((8.0, 90.0), |u, v| {
         let first = (1.3 - 0.035 * v).max(0.0);
         let angle = first + (std::f64::consts::PI - first) * u / 8.0;
         DVec3::new(2.5 * angle.cos(), 2.5 * angle.sin(), 60.0 + v)
     });
-    // Bent about the stem at the collar and flat from 20 mm on; up to 12 mm its far half is hidden.
+    // The blade is bent about the stem at the collar and flat from 20 mm on; up to 12 mm its far
+    // half is hidden.
     let (sin, cos) = 28_f64.to_radians().sin_cos();
     let blade = patch((10.0, 120.0), |u, v| {
         let (bend, aside) = ((0.4 * (1.0 - v / 20.0)).max(1e-3), u - 5.0);
@@ -226,7 +229,7 @@ fn insertion_where_half_of_rod_and_sheet_is_hidden() {
 }
 
 #[test]
-fn a_rod_of_two_thicknesses_has_a_mean_and_a_largest_diameter() {
+fn rod_of_two_thicknesses_has_mean_and_maximum_diameter() {
     let thin = tube(2.0, std::f64::consts::TAU, (0.0, 100.0));
     let thick = tube(3.0, std::f64::consts::TAU, (100.0, 200.0));
     let rows = rows(&[[thin, thick].concat()]);
@@ -235,7 +238,7 @@ fn a_rod_of_two_thicknesses_has_a_mean_and_a_largest_diameter() {
 }
 
 #[test]
-fn a_ball_has_its_volume() {
+fn ball_has_its_volume_and_area() {
     let count = 20_000;
     let ball = (0..count).map(|k| {
         let z = 1.0 - 2.0 * (f64::from(k) + 0.5) / f64::from(count);
@@ -256,9 +259,9 @@ fn a_ball_has_its_volume() {
     }
 }
 
-/// What the points of a label gave before a speck of noise far away, and what they give with it.
+/// Compares the traits of a label's points with and without a distant speck of noise.
 #[test]
-fn a_stray_speck_far_away_does_not_change_hull_boxes_area_and_heights() {
+fn distant_speck_does_not_change_traits() {
     let rod = tube(2.5, std::f64::consts::TAU, (0.0, 200.0));
     let speck =
         (0..12).map(|k| DVec3::new(900.0 + f64::from(k % 3), 700.0 + f64::from(k / 3), -800.0));
@@ -302,7 +305,7 @@ fn a_stray_speck_far_away_does_not_change_hull_boxes_area_and_heights() {
 }
 
 #[test]
-fn every_value_tells_from_how_many_points_it_was_made() {
+fn every_row_has_a_point_count() {
     let rows = rows(&[tube(2.5, std::f64::consts::TAU, (0.0, 150.0))]);
     let points = value(&rows, "label 1", 0, "points").unwrap() as usize;
     assert!(
@@ -312,7 +315,7 @@ fn every_value_tells_from_how_many_points_it_was_made() {
     );
 }
 
-/// A plane without a label 80 mm below the ends of two rods, and a wall beside them that is larger.
+/// Returns two rods that stand on a table (label 3), and a larger unlabelled wall next to them.
 fn standing() -> LabelledCloud {
     let rod = |x: f64, high: f64| -> Vec<DVec3> {
         tube(2.5, std::f64::consts::TAU, (2.0, high))
@@ -346,7 +349,7 @@ fn measured_above(
 }
 
 #[test]
-fn a_level_gathers_what_is_below() {
+fn level_includes_descendant_labels() {
     let mut cloud = cloud(&[
         Vec::new(),
         tube(2.5, 6.2, (0.0, 60.0)),
@@ -384,7 +387,7 @@ fn a_level_gathers_what_is_below() {
 }
 
 #[test]
-fn odd_clouds_do_no_harm() {
+fn degenerate_clouds_give_finite_values_or_errors() {
     let measured = |points: Vec<DVec3>| {
         measure(
             &cloud(&[points]),
@@ -421,7 +424,7 @@ fn odd_clouds_do_no_harm() {
 }
 
 #[test]
-fn stops() {
+fn stop_request_ends_the_measurement() {
     let progress = Progress::default();
     progress.stop();
     let stopped = measure(

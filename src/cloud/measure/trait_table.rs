@@ -1,4 +1,4 @@
-//! Traits with their units as rows of a table.
+//! Traits with their units, as rows of a table.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
@@ -8,27 +8,27 @@ use ostra_masks::{LabelId, LabelTree};
 /// One measured (or true) trait of one instance of a label.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TraitRow {
-    /// Which label.
+    /// Id of the label.
     pub id: LabelId,
     /// Name of the label.
     pub label: String,
     /// Names from the top level down to the label, joined by ` › `.
     pub path: String,
-    /// 1 for the first instance of the label; 0 = the label as a whole.
+    /// Instance number, from 1; 0 is the label as a whole.
     pub instance: usize,
-    /// Which trait, e.g. `length`; the same name means the same thing in truth and measurement.
+    /// Name of the trait, e.g. `length`. It means the same in ground truth and measurement.
     pub name: Cow<'static, str>,
-    /// In the unit that `dimension` says.
+    /// Value in world units to the power given by `dimension`.
     pub value: f64,
-    /// Power of the world unit.
+    /// Kind of quantity, which gives the power of the world unit.
     pub dimension: Dimension,
-    /// How the value is defined, one sentence.
+    /// Definition of the value in one sentence.
     pub definition: Cow<'static, str>,
-    /// How many points the value was computed from; 0 for an exact value.
+    /// Number of points that the value was computed from; 0 for an exact value.
     pub points: usize,
 }
 
-/// A trait before it is known whose it is.
+/// A trait that is not yet assigned to a label.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Trait {
     name: Cow<'static, str>,
@@ -52,7 +52,7 @@ impl Trait {
         }
     }
 
-    /// Tells that so many points were left out as stray; nothing where it is none.
+    /// Adds the number of excluded points to the definition, if there are any.
     pub(super) fn leaving_out(self, stray: usize) -> Self {
         match stray {
             0 => self,
@@ -92,7 +92,7 @@ impl Trait {
 }
 
 impl TraitRow {
-    /// Names of all labels above `id` and its own, joined by ` › `.
+    /// Returns the names of all ancestors of `id` and its own, joined by ` › `.
     #[must_use]
     pub fn path_of(tree: &LabelTree, id: LabelId) -> String {
         let names: Vec<&str> = tree
@@ -105,8 +105,10 @@ impl TraitRow {
     }
 }
 
-/// The rows as CSV with the columns `label,path,instance,trait,value,unit,definition,points`, lengths in `unit` (areas
-/// in its square, e.g. `m^2`, volumes in its cube, angles in `deg`).
+/// Returns the rows as CSV, with lengths in `unit`.
+///
+/// The columns are `label,path,instance,trait,value,unit,definition,points`. Areas are in the
+/// square of the unit, e.g. `m^2`, volumes in its cube and angles in `deg`.
 #[must_use]
 pub fn traits_csv(rows: &[TraitRow], unit: LengthUnit) -> String {
     let mut csv = String::from("label,path,instance,trait,value,unit,definition,points\n");
@@ -125,7 +127,7 @@ pub fn traits_csv(rows: &[TraitRow], unit: LengthUnit) -> String {
     csv
 }
 
-/// Six significant digits, without an exponent.
+/// Formats a value with six significant digits, without an exponent.
 fn significant(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return value.to_string();
@@ -139,13 +141,15 @@ fn significant(value: f64) -> String {
     }
 }
 
-/// A cell of text. A leading apostrophe keeps spreadsheets from taking it for a formula (OWASP, "CSV Injection").
+/// Formats a text cell.
+///
+/// A leading apostrophe keeps spreadsheets from reading it as a formula (OWASP, "CSV Injection").
 fn quoted(text: &str) -> String {
     let is_formula = text
         .trim_start_matches(' ')
         .starts_with(['=', '+', '-', '@', '\t', '\r', '\n', '＝', '＋', '－', '＠']);
     let mark = if is_formula { "'" } else { "" };
-    // Control characters would steer a terminal that shows the file.
+    // Control characters would affect a terminal that shows the file.
     let text: String = mark
         .chars()
         .chain(text.chars().map(|c| if c.is_control() { ' ' } else { c }))
@@ -157,7 +161,7 @@ fn quoted(text: &str) -> String {
     }
 }
 
-/// What kind of number a trait is: which power of the world unit it carries.
+/// Kind of quantity of a trait, which gives the power of the world unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Dimension {
     /// A plain number.
@@ -173,7 +177,7 @@ pub enum Dimension {
 }
 
 impl Dimension {
-    /// Which power of the world unit it carries.
+    /// Returns the power of the world unit.
     #[must_use]
     pub const fn power(self) -> i32 {
         match self {
@@ -185,26 +189,26 @@ impl Dimension {
     }
 }
 
-/// What lengths are told in.
+/// Unit in which lengths are shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LengthUnit {
-    /// Metres, the unit of a world whose scale is known.
+    /// Metres, the unit of a world of known scale.
     #[default]
     Metre,
-    /// Centimetres of such a world.
+    /// Centimetres, in a world of known scale.
     Centimetre,
-    /// Millimetres of such a world.
+    /// Millimetres, in a world of known scale.
     Millimetre,
-    /// The unit of a world whose scale nobody told.
+    /// World units, in a world of unknown scale.
     World,
 }
 
 impl LengthUnit {
-    /// Units of a world whose scale is known.
+    /// Units for a world of known scale.
     pub const METRIC: [Self; 3] = [Self::Metre, Self::Centimetre, Self::Millimetre];
 
-    /// Its sign.
+    /// Returns the symbol of the unit.
     #[must_use]
     pub const fn sign(self) -> &'static str {
         match self {
@@ -223,19 +227,21 @@ impl LengthUnit {
         }
     }
 
-    /// A length in this unit, in metres.
+    /// Converts a length in this unit to metres.
     #[must_use]
     pub fn metres(self, length: f64) -> f64 {
         length / self.per_world_unit()
     }
 
-    /// A value in world units, their squares or cubes, in this unit; counts and angles stay.
+    /// Converts a value in world units, or their squares or cubes, to this unit.
+    ///
+    /// Counts and angles are unchanged.
     #[must_use]
     pub fn value(self, value: f64, dimension: Dimension) -> f64 {
         value * self.per_world_unit().powi(dimension.power())
     }
 
-    /// The unit of values of a dimension: `mm^2`, `deg`, nothing for a count.
+    /// Returns the unit name for a dimension: `mm^2`, `deg`, or an empty string for a count.
     #[must_use]
     pub fn name(self, dimension: Dimension) -> String {
         match dimension {
@@ -246,7 +252,9 @@ impl LengthUnit {
         }
     }
 
-    /// A value in world units as a person reads it: `12.3 mm`, `35°`; four significant digits.
+    /// Formats a value in world units for display: `12.3 mm`, `35°`.
+    ///
+    /// Lengths, areas and volumes have four significant digits.
     #[must_use]
     pub fn text(self, value: f64, dimension: Dimension) -> String {
         let value = self.value(value, dimension);
@@ -273,7 +281,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn csv_quotes_and_units() {
+    fn csv_quotes_cells_and_converts_units() {
         let row = TraitRow {
             id: LabelId(1),
             label: "a,b".into(),
@@ -300,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn text_that_spreadsheets_would_run_is_marked() {
+    fn spreadsheet_formulas_are_escaped() {
         for formula in [
             "=HYPERLINK(1)",
             "+1",
@@ -319,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn significant_digits() {
+    fn values_have_six_significant_digits() {
         assert_eq!(significant(123_456.7), "123457");
         assert_eq!(significant(0.5), "0.5");
         assert_eq!(significant(-0.000_012_345_678), "-0.0000123457");
@@ -327,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn volumes_take_the_cube_of_the_factor() {
+    fn volumes_scale_with_the_cube_of_the_unit() {
         assert_eq!(LengthUnit::Millimetre.value(2e-9, Dimension::Volume), 2.0);
         assert_eq!(
             LengthUnit::Centimetre.text(0.012_341, Dimension::Length),

@@ -1,4 +1,4 @@
-//! All traits of a cloud by label and instance.
+//! Measures all traits of a cloud by label and instance.
 
 use glam::DVec3;
 
@@ -12,19 +12,25 @@ use crate::{LabelledCloud, SceneError};
 use ostra_core::job::{Progress, Stopped};
 use ostra_masks::{LabelId, LabelTree};
 
-/// How traits are measured.
+/// Options of trait measurement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeasureOptions {
-    /// Only labels at this depth of the tree (1 = top), deeper ones counted as theirs; `None` = every label that has
-    /// points, itself or below it.
+    /// Tree depth of the measured labels (1 = top level).
+    ///
+    /// Deeper labels count as part of theirs. With `None`, every label is measured that has points
+    /// itself or below it.
     pub level: Option<usize>,
-    /// Points at most this many spacings (median distances to the nearest neighbour) apart hang together, 1.5–10.
+    /// Maximum distance between connected points, in point spacings, 1.5–10.
+    ///
+    /// The point spacing is the median distance to the nearest neighbour.
     pub link: f64,
-    /// Groups of fewer points are no instance, 4–1 000 000.
+    /// Minimum number of points of an instance, 4–1 000 000.
     pub min_points: usize,
-    /// Rods are joined across gaps up to this many times their common length, 0–10.
+    /// Maximum gap across which rods are joined, as a multiple of their total length, 0–10.
     pub bridge: f64,
-    /// Insertion angles are taken over this length of the blade, in world units, above 0; 30 mm in a metric cloud.
+    /// Length of the blade over which insertion angles are measured, in world units, above 0.
+    ///
+    /// The default is 30 mm in a metric cloud.
     pub insertion_reach: f64,
     /// The plane above which heights are measured.
     pub ground: GroundChoice,
@@ -43,31 +49,36 @@ impl Default for MeasureOptions {
     }
 }
 
-/// More points of a label than this are thinned first.
+/// Number of points of a label above which they are thinned further.
 const MOST_POINTS: usize = 200_000;
 
 /// A label with its instances.
 pub(super) struct Measured {
     pub(super) id: LabelId,
     count: usize,
-    /// All its points but stray specks, thinned.
+    /// Thinned points, without isolated specks.
     points: Vec<DVec3>,
-    /// How many of the thinned points are such specks.
+    /// Number of thinned points in such specks.
     stray: usize,
-    /// Of the thinned points.
+    /// Spacing of the thinned points.
     spacing: f64,
-    /// Of what `points` cover.
+    /// Surface area covered by `points`.
     area: f64,
     pub(super) bodies: Vec<Body>,
 }
 
-/// Measures every label of a cloud: number of points and instances, area, hull volume and sizes of the whole
-/// (instance 0) and of each instance (1 = the one with the most points), length along the middle line, diameter of
-/// rods, width of sheets, the angle at which a sheet leaves a rod, and heights above the ground. Rows are ordered by
-/// label id, then instance.
+/// Measures every label of a cloud.
+///
+/// Area, volumes, sizes and heights above the ground are measured for the label as a whole
+/// (instance 0) and for each instance (1 = the one with the most points). The whole also has the
+/// number of points and instances. An instance also has its length along the medial curve, the
+/// diameter of a rod or the width of a sheet, and the angle at which a sheet leaves a rod. Rows are
+/// ordered by label id, then by instance.
 ///
 /// # Errors
-/// [`SceneError::Request`] for an option out of range or a cloud without labelled points, [`SceneError::Stopped`].
+///
+/// Returns [`SceneError::Request`] if an option is out of range or the cloud has no labelled
+/// points. Returns [`SceneError::Stopped`] if the job is stopped.
 pub fn measure(
     cloud: &LabelledCloud,
     options: &MeasureOptions,
@@ -155,7 +166,9 @@ fn wanted(tree: &LabelTree, id: LabelId, options: &MeasureOptions) -> bool {
         .is_none_or(|level| depth == level.max(1) || (depth < level && is_leaf()))
 }
 
-/// Points whose label is `id` or, in the tree, below it. A point with a coordinate that is not finite is left out.
+/// Returns the points labelled `id` or a descendant of it in the tree.
+///
+/// Non-finite points are excluded.
 pub(super) fn points_of(cloud: &LabelledCloud, id: LabelId) -> Vec<DVec3> {
     let mut counts = vec![false; usize::from(u16::MAX) + 1];
     for label in cloud
@@ -172,12 +185,12 @@ pub(super) fn points_of(cloud: &LabelledCloud, id: LabelId) -> Vec<DVec3> {
         .collect()
 }
 
-/// Whether one label is the other or lies above it.
+/// Returns whether one label is the other or an ancestor of it.
 fn related(tree: &LabelTree, a: LabelId, b: LabelId) -> bool {
     tree.path(a).contains(&b) || tree.path(b).contains(&a)
 }
 
-/// The angle at which a body leaves a rod of a label that is not its own.
+/// Returns the angle at which a body leaves a rod of an unrelated label.
 fn insertion(
     tree: &LabelTree,
     (id, body): (LabelId, &Body),
@@ -262,7 +275,9 @@ impl Measured {
         self.bodies.iter().filter(|body| body.diameter().is_some())
     }
 
-    /// Traits of the whole, then of each instance, without those that need others.
+    /// Returns the traits of the whole label, then those of each instance.
+    ///
+    /// Traits that depend on other labels are not included.
     fn traits(&self) -> Vec<Vec<Trait>> {
         let count = |name, value: usize, definition, points| {
             Trait::new(name, (value as f64, Dimension::Count), definition, points)
@@ -294,12 +309,14 @@ impl Measured {
     }
 }
 
-/// A piece with fewer points than this share of the largest piece's is a speck.
+/// Size of a speck, as a share of the points of the largest component.
 const SPECK: f64 = 0.01;
-/// Where specks hold more of the points than this share, they are no strays: the thing is made of small pieces.
+/// Share of the points above which specks are kept, because the object consists of small parts.
 const MOST_STRAY: f64 = 0.05;
 
-/// Of pieces that hang together, the largest first: the points of all but stray specks, by rising index. `points`: in all.
+/// Returns the indices of all points except those in isolated specks, in ascending order.
+///
+/// `pieces` are connected components, the largest first. `points` is the total number of points.
 fn bulk(pieces: &[Vec<usize>], points: usize) -> Vec<usize> {
     let largest = pieces.first().map_or(0, Vec::len);
     let is_speck = |piece: &&Vec<usize>| (piece.len() as f64) < SPECK * largest as f64;
@@ -321,7 +338,7 @@ fn bulk(pieces: &[Vec<usize>], points: usize) -> Vec<usize> {
 mod tests {
     use super::*;
 
-    /// How many points are kept of pieces with so many.
+    /// Returns the number of points kept of components with the given sizes.
     fn kept(sizes: &[usize]) -> usize {
         let mut next = 0..;
         let pieces: Vec<Vec<usize>> = sizes
@@ -332,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn specks_are_left_out_and_small_pieces_that_are_the_thing_are_not() {
+    fn specks_are_left_out_unless_they_make_up_the_object() {
         assert_eq!(kept(&[1000, 500, 9, 1]), 1500);
         assert_eq!(kept(&[1000, 10]), 1010, "1 % is no speck");
         assert_eq!(kept(&[3; 300]), 900, "grains");

@@ -5,18 +5,19 @@ use glam::Vec3;
 use crate::LabelledCloud;
 use ostra_masks::LabelId;
 
-/// A surface of triangles whose vertices are labelled points.
+/// A triangle mesh whose vertices are labelled points.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct LabelledMesh {
-    /// The vertices, with normals, colours, labels and confidences.
+    /// Vertices with normals, colours, labels and confidences.
     pub vertices: LabelledCloud,
-    /// Three vertices each, counterclockwise seen from outside.
+    /// Vertex indices of each triangle, counterclockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
 }
 
 impl LabelledMesh {
-    /// The triangles for which `keep` holds, with the vertices that they use, in their order; and which vertices of this
-    /// mesh these are, by rising index.
+    /// Returns the triangles for which `keep` holds, in order, with the vertices they use.
+    ///
+    /// Also returns the indices of these vertices in this mesh, in ascending order.
     #[must_use]
     pub fn filter(&self, mut keep: impl FnMut(usize) -> bool) -> (Self, Vec<u32>) {
         let kept: Vec<[u32; 3]> = self
@@ -49,8 +50,10 @@ impl LabelledMesh {
         )
     }
 
-    /// The mesh with every triangle between labels cut at the middles of its sides, so that each triangle lies in one
-    /// label and all borders are sharp. The new vertices stand once for each label.
+    /// Returns the mesh with every triangle between labels cut at the midpoints of its sides.
+    ///
+    /// Each triangle then lies within one label, and all borders are sharp. The new vertices are
+    /// duplicated for each label.
     #[must_use]
     pub fn split_at_labels(&self) -> Self {
         let mut mesh = Self {
@@ -67,7 +70,7 @@ impl LabelledMesh {
             let mut between = |ends: &[u32], label: LabelId| {
                 let mut key = ends.to_vec();
                 key.sort_unstable();
-                // In rising order, so that the middle is bit for bit the same for every label.
+                // The ascending order makes the midpoint bit for bit the same for every label.
                 *made
                     .entry((key, label))
                     .or_insert_with_key(|(ends, _)| mesh.vertices.push_mean(ends, label))
@@ -76,7 +79,8 @@ impl LabelledMesh {
                 let [a, b, c] = [0, 1, 2].map(|step| triangle[(corner + step) % 3]);
                 let [own, next, last] = [0, 1, 2].map(|step| labels[(corner + step) % 3]);
                 if own == next && next != last {
-                    // This side stays whole; what lies beyond the middles of the other two is the third corner's.
+                    // This side stays whole; the part beyond the midpoints of the other two belongs
+                    // to the third corner.
                     let (bc, ca) = (between(&[b, c], own), between(&[c, a], own));
                     let (far_bc, far_ca) = (between(&[b, c], last), between(&[c, a], last));
                     mesh.triangles
@@ -94,8 +98,10 @@ impl LabelledMesh {
         mesh
     }
 
-    /// The triangles of each label that has some, with the vertices that they use, in rising order of ids. A triangle
-    /// belongs to the label of its first vertex: cut the mesh by [`Self::split_at_labels`] first.
+    /// Returns the triangles of each label with the vertices they use, in ascending order of ids.
+    ///
+    /// A triangle belongs to the label of its first vertex, so the mesh should be cut with
+    /// [`Self::split_at_labels`] first.
     #[must_use]
     pub fn by_label(&self) -> BTreeMap<LabelId, Self> {
         let mut of_label: BTreeMap<LabelId, Vec<[u32; 3]>> = BTreeMap::new();
@@ -112,7 +118,9 @@ impl LabelledMesh {
             .collect()
     }
 
-    /// A mesh of some of the triangles. `place` has a number for each vertex, [`u32::MAX`] before and after.
+    /// Returns a mesh of some of the triangles.
+    ///
+    /// `place` has one entry per vertex, which is [`u32::MAX`] before and after.
     fn part(&self, mut triangles: Vec<[u32; 3]>, place: &mut [u32]) -> Self {
         let mut used: Vec<u32> = triangles.iter().flatten().copied().collect();
         used.sort_unstable();
@@ -131,7 +139,7 @@ impl LabelledMesh {
         }
     }
 
-    /// Gives every vertex the normal of the triangles around it, weighed by their areas.
+    /// Computes vertex normals as the area-weighted mean over the adjacent triangles.
     pub fn compute_normals(&mut self) {
         let mut sums = vec![Vec3::ZERO; self.vertices.len()];
         for triangle in &self.triangles {
@@ -175,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn split_triangles_lie_in_one_label_and_cover_the_same() {
+    fn split_triangles_lie_in_one_label_and_cover_the_same_area() {
         let mesh = two_triangles();
         let split = mesh.split_at_labels();
         assert!((area(&split, None) - 1.0).abs() < 1e-6);
@@ -191,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_are_the_triangles_of_each_label() {
+    fn parts_contain_the_triangles_of_each_label() {
         let split = two_triangles().split_at_labels();
         let parts = split.by_label();
         assert_eq!(parts.keys().map(|id| id.0).collect::<Vec<_>>(), [1, 2, 3]);
@@ -209,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn vertices_on_both_sides_of_a_border_are_the_same_to_the_bit() {
+    fn border_vertices_are_bit_identical_on_both_sides() {
         let mut mesh = two_triangles();
         mesh.vertices.positions = [
             [0.1, 0.7, 0.3],
@@ -226,12 +234,12 @@ mod tests {
             .iter()
             .map(|at| at.to_array().map(f32::to_bits))
             .collect();
-        // Four corners, the middles of four cut sides, the middle of the second triangle.
+        // Four corners, the midpoints of four cut sides, the centre of the second triangle.
         assert_eq!(bits.len(), 9);
     }
 
     #[test]
-    fn filtering_leaves_no_vertex_without_a_triangle() {
+    fn filtered_mesh_has_no_unused_vertices() {
         let (half, used) = two_triangles().filter(|at| at == 1);
         assert_eq!(used, [0, 2, 3]);
         assert_eq!(half.triangles, [[0, 1, 2]]);
@@ -242,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn normals_look_to_where_triangles_turn_counterclockwise() {
+    fn normals_follow_the_counterclockwise_orientation() {
         let mut mesh = two_triangles();
         mesh.compute_normals();
         assert!(

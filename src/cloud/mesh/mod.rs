@@ -1,4 +1,4 @@
-//! The labelled mesh: parts by label, borders between labels, fewer triangles.
+//! Labelled meshes: splitting by label, label borders, simplification.
 
 mod labelled_mesh;
 mod quadric;

@@ -1,4 +1,4 @@
-//! Error quadrics, and the edges of a mesh that they are made from.
+//! Error quadrics, and the mesh edges that constrain them.
 
 use std::ops::{Add, AddAssign};
 
@@ -6,11 +6,12 @@ use glam::{DMat3, DVec3};
 
 use super::welded::Welded;
 
-/// Weighed sum of squared distances from planes, as a function of the point (Garland & Heckbert, "Surface simplification
-/// using quadric error metrics", SIGGRAPH 1997): `p·A·p + 2·b·p + c`.
+/// Weighted sum of squared distances from planes, as a function of a point: `p·A·p + 2·b·p + c`.
+///
+/// See Garland & Heckbert, "Surface simplification using quadric error metrics", SIGGRAPH 1997.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Quadric {
-    /// xx, yy, zz, then xy, yz, zx of the symmetric A.
+    /// xx, yy, zz of the symmetric A; `mixed` holds xy, yz, zx.
     own: DVec3,
     mixed: DVec3,
     linear: DVec3,
@@ -18,7 +19,7 @@ pub(super) struct Quadric {
 }
 
 impl Quadric {
-    /// Of the plane through `point` with the unit normal `normal`.
+    /// Returns the quadric of the plane through `point` with the unit normal `normal`.
     fn of_plane(point: DVec3, normal: DVec3, weight: f64) -> Self {
         let offset = -normal.dot(point);
         let turned = DVec3::new(normal.y, normal.z, normal.x);
@@ -30,16 +31,16 @@ impl Quadric {
         }
     }
 
-    /// The sum at a point, not below 0.
+    /// Returns the sum at a point, at least 0.
     pub(super) fn at(&self, point: DVec3) -> f64 {
         let turned = DVec3::new(point.y, point.z, point.x);
         let square = self.own.dot(point * point) + 2.0 * self.mixed.dot(point * turned);
         (square + 2.0 * self.linear.dot(point) + self.constant).max(0.0)
     }
 
-    /// Where the sum is least; `None` where the planes do not fix a point well.
+    /// Returns the minimum of the sum, or `None` if the planes do not determine it well.
     pub(super) fn lowest(&self) -> Option<DVec3> {
-        /// Least determinant as a share of the largest that a matrix of the same trace can have.
+        /// Minimum determinant, as a share of the largest one of a matrix with the same trace.
         const WELL_FIXED: f64 = 1e-4;
         let Self { own, mixed, .. } = *self;
         let matrix = DMat3::from_cols(
@@ -74,19 +75,19 @@ impl AddAssign for Quadric {
 /// How far a vertex may move.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Freedom {
-    /// Inside one label's surface.
+    /// Freely: the vertex is inside the surface of one label.
     Free,
-    /// Along the border of labels or the open border that it lies on.
+    /// Along the label border or open border that it lies on.
     Border,
-    /// Not at all: borders meet or end in it, or more than two triangles meet in an edge.
+    /// Not at all: borders meet or end there, or more than two triangles share one of its edges.
     Fixed,
 }
 
-/// What a mesh's edges say about its vertices.
+/// Constraints on vertices that follow from the edges of a mesh.
 pub(super) struct Edges {
-    /// Of each vertex.
+    /// Freedom of each vertex.
     pub(super) freedom: Vec<Freedom>,
-    /// Of each vertex: its triangles' planes, and at borders planes that stand on the border.
+    /// Quadric of each vertex: the planes of its triangles, and perpendicular planes at borders.
     pub(super) quadrics: Vec<Quadric>,
 }
 
@@ -142,9 +143,11 @@ fn plane_quadrics(mesh: &Welded) -> Vec<Quadric> {
     quadrics
 }
 
-/// The plane through a border edge that stands on its triangle: it keeps the border's course.
+/// Returns the quadric of the plane through a border edge perpendicular to its triangle.
+///
+/// It preserves the course of the border.
 fn standing_quadric(mesh: &Welded, [from, to]: [u32; 2], triangle: usize) -> Quadric {
-    /// Against the planes of triangles, which weigh their area.
+    /// Weight relative to the planes of triangles, which are weighted by area.
     const WEIGHT: f64 = 4.0;
     let [a, b, c] = mesh.triangles[triangle].map(|vertex| mesh.positions[vertex as usize]);
     let start = mesh.positions[from as usize];
@@ -158,7 +161,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn three_planes_meet_in_the_lowest_point() {
+    fn minimum_of_three_planes_is_their_intersection() {
         let corner = DVec3::new(0.3, -2.0, 5.0);
         let normals = [
             DVec3::X,

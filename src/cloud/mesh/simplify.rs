@@ -1,4 +1,4 @@
-//! Fewer triangles: the cheapest edge collapses first.
+//! Mesh simplification by edge collapses, the cheapest first.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -11,17 +11,21 @@ use super::welded::{Fans, Welded};
 use crate::SceneError;
 use ostra_core::job::Progress;
 
-/// Edges between two looks at the stop sign.
+/// Edges between two checks for cancellation.
 const STRIDE: usize = 1 << 12;
 
 impl LabelledMesh {
-    /// The mesh with about `share` of its triangles (above 0, up to 1), by drawing edges together where that changes the
-    /// surface least (Garland & Heckbert, SIGGRAPH 1997). Borders between labels and open borders keep their course and
-    /// stay closed, points where borders meet stay, and no label's surface vanishes; so a mesh of many small labels may
-    /// keep more. Cut the mesh by [`Self::split_at_labels`] first.
+    /// Returns the mesh with about `share` of its triangles (above 0, up to 1).
+    ///
+    /// Edges are collapsed where that changes the surface least (Garland & Heckbert, SIGGRAPH
+    /// 1997). Label borders and open borders keep their course and stay closed, and points where
+    /// borders meet do not move. The surface of a label never vanishes, so a mesh of many small
+    /// labels may keep more triangles. The mesh should be cut with [`Self::split_at_labels`] first.
     ///
     /// # Errors
-    /// [`SceneError::Request`] for another share, [`SceneError::Stopped`].
+    ///
+    /// Returns [`SceneError::Request`] if the share is out of range. Returns
+    /// [`SceneError::Stopped`] if the job is stopped.
     pub fn simplify(&self, share: f64, progress: &Progress) -> Result<Self, SceneError> {
         if !(share > 0.0 && share <= 1.0) {
             let what = format!(
@@ -35,7 +39,7 @@ impl LabelledMesh {
         }
         let mut mesh = Collapsing::new(Welded::of(self));
         let mut before = usize::MAX;
-        // What was in the way of an edge may be gone in the next round.
+        // The obstacle to collapsing an edge may be gone in the next round.
         while mesh.left() > target && mesh.left() < before {
             before = mesh.left();
             collapse_cheapest(&mut mesh, target, progress)?;
@@ -46,10 +50,12 @@ impl LabelledMesh {
     }
 }
 
-/// An edge in the queue: its cost as the bits of a float that is not below 0, its ends, and their stamps then, summed.
+/// An edge in the queue: its cost, its ends, and the sum of their stamps when it was queued.
+///
+/// The cost is stored as the bits of a non-negative float.
 type Waiting = Reverse<(u64, [u32; 2], u32)>;
 
-/// Draws edges together, the cheapest first, until `target` triangles are left or no edge can be.
+/// Collapses edges, the cheapest first, until `target` triangles are left or no edge can collapse.
 fn collapse_cheapest(
     mesh: &mut Collapsing,
     target: usize,
@@ -91,10 +97,10 @@ fn collapse_cheapest(
     Ok(())
 }
 
-/// Marks a triangle that is gone.
+/// Marks a removed triangle.
 const GONE: [u32; 3] = [u32::MAX; 3];
 
-/// A mesh whose edges are drawn together to points one after the other.
+/// A mesh whose edges are collapsed one after the other.
 struct Collapsing {
     mesh: Welded,
     fans: Fans,
@@ -117,7 +123,7 @@ impl Collapsing {
         }
     }
 
-    /// Every edge that is left once, the lower vertex first, in rising order.
+    /// Returns every remaining edge once, with the lower vertex first, in ascending order.
     fn edges(&self) -> Vec<[u32; 2]> {
         let there = self
             .mesh
@@ -131,17 +137,17 @@ impl Collapsing {
         edges
     }
 
-    /// Number of vertices that the mesh had.
+    /// Returns the number of vertices of the original mesh.
     fn vertices(&self) -> usize {
         self.mesh.positions.len()
     }
 
-    /// Number of triangles that are left.
+    /// Returns the number of remaining triangles.
     fn left(&self) -> usize {
         self.left
     }
 
-    /// What is left.
+    /// Returns the mesh without the removed triangles.
     fn finish(mut self) -> Welded {
         let there = |triangle: &[u32; 3]| *triangle != GONE;
         let mut kept = self.mesh.triangles.iter().map(there);
@@ -150,7 +156,7 @@ impl Collapsing {
         self.mesh
     }
 
-    /// The vertices that share an edge with this one, in rising order.
+    /// Returns the vertices that share an edge with this one, in ascending order.
     fn neighbours(&self, vertex: u32) -> Vec<u32> {
         let corners = self
             .fans
@@ -162,10 +168,14 @@ impl Collapsing {
         found
     }
 
-    /// Where the edge's point would come to lie and how dear it would be (weighed area times squared distance); `None`
-    /// where the ends must not come together.
+    /// Returns the cost of collapsing an edge and the resulting point.
+    ///
+    /// The cost is a weighted area times a squared distance. Returns `None` if the ends must not be
+    /// merged.
     fn plan(&self, [a, b]: [u32; 2]) -> Option<(f64, DVec3)> {
-        /// Share of an edge's length by which its point may be off at the same cost as a flat one: short edges go first.
+        /// Weight of the fourth power of the edge length in the cost.
+        ///
+        /// It makes short edges collapse first.
         const SHORT_FIRST: f64 = 1e-4;
         let [free_a, free_b] = [a, b].map(|vertex| self.freedom[vertex as usize]);
         let both_fixed = free_a.min(free_b) == Freedom::Fixed;
@@ -186,8 +196,10 @@ impl Collapsing {
         ))
     }
 
-    /// Draws `b` and `a` together to `point` (as planned); whether that could be done without a fold, a hole or the loss
-    /// of a label's last triangle.
+    /// Merges `b` into `a` at `point`, as planned; returns whether that was possible.
+    ///
+    /// It is not possible if it would make a fold or a hole, or remove the last triangle of a
+    /// label.
     fn collapse(&mut self, [a, b]: [u32; 2], point: DVec3) -> bool {
         if !self.keeps_shape(a, b) || self.flips(a, b, point) || self.flips(b, a, point) {
             return false;
@@ -225,14 +237,16 @@ impl Collapsing {
         }
     }
 
-    /// The triangles that have both vertices.
+    /// Returns the triangles that contain both vertices.
     fn between(&self, a: u32, b: u32) -> impl Iterator<Item = usize> {
         self.fans
             .triangles(a)
             .filter(move |&triangle| self.mesh.triangles[triangle].contains(&b))
     }
 
-    /// Whether the edge has not the same label on both sides.
+    /// Returns whether the edge is a border.
+    ///
+    /// An edge is a border unless it has exactly two triangles, and these have the same label.
     fn is_border(&self, a: u32, b: u32) -> bool {
         let mut labels = self
             .between(a, b)
@@ -241,8 +255,11 @@ impl Collapsing {
         labels.next() != first || labels.next().is_some()
     }
 
-    /// The link condition (Dey, Edelsbrunner, Guha & Nekhayev, "Topology preserving edge contraction", 1999), and that
-    /// neither a border closes on itself nor a vertex is left with two triangles.
+    /// Returns whether collapsing an edge preserves the topology.
+    ///
+    /// This is the link condition (Dey, Edelsbrunner, Guha & Nekhayev, "Topology preserving edge
+    /// contraction", 1999). In addition, a border must not close on itself, and no vertex may be
+    /// left with two triangles.
     fn keeps_shape(&self, a: u32, b: u32) -> bool {
         let around = self.neighbours(b);
         let common = self
@@ -266,9 +283,11 @@ impl Collapsing {
         (1..=2).contains(&shared) && common == shared && self.between(a, b).all(stays)
     }
 
-    /// Whether a triangle at `moved`, but not at `other`, would turn too far when `moved` came to `point`.
+    /// Returns whether moving `moved` to `point` would turn one of its triangles too far.
+    ///
+    /// Triangles that also contain `other` are ignored.
     fn flips(&self, moved: u32, other: u32, point: DVec3) -> bool {
-        /// Cosine of the largest turn.
+        /// Cosine of the largest allowed rotation.
         const LARGEST_TURN: f64 = 0.2;
         self.fans.triangles(moved).any(|triangle| {
             let corners = self.mesh.triangles[triangle];
@@ -290,7 +309,9 @@ impl Collapsing {
     }
 }
 
-/// The lowest point of a quadric near an edge; where it is not fixed or far off, the best of the edge's ends and middle.
+/// Returns the minimum of a quadric if it is near the edge.
+///
+/// Otherwise it returns the best of the edge's midpoint and ends.
 fn best_point(quadric: &Quadric, from: DVec3, to: DVec3) -> DVec3 {
     let middle = from.midpoint(to);
     let near = |point: &DVec3| point.distance_squared(middle) <= from.distance_squared(to);

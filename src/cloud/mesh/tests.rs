@@ -7,7 +7,9 @@ use crate::LabelledCloud;
 use ostra_core::job::Progress;
 use ostra_masks::LabelId;
 
-/// A grid of `cells`² squares over the unit square, at `lift` above it, vertices labelled by `label`, cut at the borders.
+/// Returns a grid of `cells`² squares over the unit square, raised by `lift`.
+///
+/// Vertices are labelled by `label`, and the mesh is cut at the borders.
 fn sheet(cells: u32, lift: impl Fn(Vec2) -> f32, label: impl Fn(Vec2) -> u16) -> LabelledMesh {
     let places: Vec<Vec2> = (0..=cells)
         .flat_map(|y| (0..=cells).map(move |x| Vec2::new(x as f32, y as f32) / cells as f32))
@@ -37,7 +39,7 @@ fn sheet(cells: u32, lift: impl Fn(Vec2) -> f32, label: impl Fn(Vec2) -> u16) ->
     .split_at_labels()
 }
 
-/// A closed ball of radius 1, its upper half label 2, the rest label 1.
+/// Returns a closed ball of radius 1 whose upper half has label 2 and the rest label 1.
 fn ball() -> LabelledMesh {
     const AROUND: u32 = 96;
     const UP: u32 = 48;
@@ -89,7 +91,7 @@ fn simplified(mesh: &LabelledMesh, share: f64) -> LabelledMesh {
     mesh.simplify(share, &Progress::default()).unwrap()
 }
 
-/// How many triangles meet in each edge, with vertices told by their place.
+/// Counts the triangles at each edge; vertices are identified by their position.
 fn edge_uses(mesh: &LabelledMesh) -> BTreeMap<[[u32; 3]; 2], usize> {
     let mut uses = BTreeMap::new();
     for &[a, b, c] in &mesh.triangles {
@@ -115,7 +117,7 @@ fn area(mesh: &LabelledMesh) -> f32 {
 }
 
 #[test]
-fn a_ball_of_a_tenth_stays_a_closed_ball_in_two_labels() {
+fn simplified_ball_stays_closed_with_both_labels() {
     let mesh = ball();
     let small = simplified(&mesh, 0.1);
     let target = mesh.triangles.len().div_ceil(10);
@@ -178,7 +180,7 @@ fn a_ball_of_a_tenth_stays_a_closed_ball_in_two_labels() {
 }
 
 #[test]
-fn a_flat_sheet_keeps_its_outline_and_its_borders_to_the_last() {
+fn simplified_sheet_keeps_its_outline_and_label_borders() {
     let label = |at: Vec2| 1 + u16::from(at.x > 0.4) + 2 * u16::from(at.y > 0.7);
     let mesh = sheet(40, |_| 0.5, label);
     let small = simplified(&mesh, 0.02);
@@ -217,7 +219,7 @@ fn a_flat_sheet_keeps_its_outline_and_its_borders_to_the_last() {
 }
 
 #[test]
-fn looks_follow_the_places_where_points_come_to_lie() {
+fn colors_follow_the_positions_of_merged_vertices() {
     let small = simplified(
         &sheet(
             32,
@@ -244,7 +246,7 @@ fn looks_follow_the_places_where_points_come_to_lie() {
 }
 
 #[test]
-fn specks_of_a_label_do_not_vanish() {
+fn small_labels_do_not_vanish() {
     let speck = |at: Vec2| {
         if at.distance(Vec2::splat(0.5)) < 0.02 {
             9
@@ -259,7 +261,7 @@ fn specks_of_a_label_do_not_vanish() {
 }
 
 #[test]
-fn the_same_mesh_gives_the_same_and_a_whole_share_gives_it_back() {
+fn simplification_is_deterministic_and_full_share_is_identity() {
     let mesh = sheet(20, |at| at.x * at.y, |at| 1 + u16::from(at.x > at.y));
     assert!(simplified(&mesh, 0.3) == simplified(&mesh, 0.3));
     assert!(simplified(&mesh, 1.0) == mesh);

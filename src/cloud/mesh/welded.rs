@@ -1,4 +1,4 @@
-//! A mesh with vertices at one place welded, and the triangles around each vertex.
+//! A mesh with coincident vertices welded, and the triangles around each vertex.
 
 use glam::{DVec3, Vec3, Vec4};
 use rustc_hash::FxHashMap;
@@ -7,20 +7,20 @@ use super::LabelledMesh;
 use crate::LabelledCloud;
 use ostra_masks::{LabelId, LabelTree};
 
-/// A mesh whose triangles carry the labels, so that both sides of a label border share their vertices.
+/// A mesh with labels per triangle, so that both sides of a label border share vertices.
 pub(super) struct Welded {
-    /// World units.
+    /// In world units.
     pub(super) positions: Vec<DVec3>,
     /// Red, green, blue (0–255) and confidence of each vertex.
     pub(super) looks: Vec<Vec4>,
-    /// Three vertices each.
+    /// Vertex indices of each triangle.
     pub(super) triangles: Vec<[u32; 3]>,
     /// The label of each triangle.
     pub(super) labels: Vec<LabelId>,
 }
 
 impl Welded {
-    /// The mesh with vertices at one place made one; triangles that have no area then are left out.
+    /// Welds coincident vertices of a mesh and drops the triangles that degenerate.
     pub(super) fn of(mesh: &LabelledMesh) -> Self {
         let vertices = &mesh.vertices;
         let mut welded = Self {
@@ -32,7 +32,7 @@ impl Welded {
         let mut found = FxHashMap::default();
         let mut place = Vec::with_capacity(vertices.len());
         for (at, &position) in vertices.positions.iter().enumerate() {
-            // Adding 0 makes one of the two zeros.
+            // Adding 0 turns -0 into 0.
             let key = (position + Vec3::ZERO).to_array().map(f32::to_bits);
             place.push(*found.entry(key).or_insert_with(|| {
                 let [red, green, blue] = vertices.colors[at].map(f32::from);
@@ -53,7 +53,9 @@ impl Welded {
         welded
     }
 
-    /// The mesh with vertices that stand once for each label around them, with normals of the whole surface.
+    /// Returns the mesh with each vertex duplicated per adjacent label.
+    ///
+    /// Normals are those of the whole surface.
     pub(super) fn unwelded(&self, tree: &LabelTree) -> LabelledMesh {
         let positions = self
             .positions
@@ -105,17 +107,19 @@ impl Welded {
     }
 }
 
-/// Ends a list of corners.
+/// Marks the end of a list of corners.
 const END: u32 = u32::MAX;
 
-/// The triangles around each vertex, as linked lists of corners: corner `3·t + k` is the k-th of triangle `t`.
+/// The triangles around each vertex, as linked lists of corners.
+///
+/// Corner `3·t + k` is the k-th corner of triangle `t`.
 pub(super) struct Fans {
     first: Vec<u32>,
     next: Vec<u32>,
 }
 
 impl Fans {
-    /// Of `vertices` vertices.
+    /// Builds the lists for `vertices` vertices.
     pub(super) fn of(vertices: usize, triangles: &[[u32; 3]]) -> Self {
         let mut fans = Self {
             first: vec![END; vertices],
@@ -127,7 +131,7 @@ impl Fans {
         fans
     }
 
-    /// The corners at a vertex.
+    /// Returns the corners at a vertex.
     pub(super) fn corners(&self, vertex: u32) -> impl Iterator<Item = u32> {
         let some = |corner: u32| (corner != END).then_some(corner);
         std::iter::successors(some(self.first[vertex as usize]), move |&corner| {
@@ -135,12 +139,12 @@ impl Fans {
         })
     }
 
-    /// The triangles around a vertex.
+    /// Returns the triangles around a vertex.
     pub(super) fn triangles(&self, vertex: u32) -> impl Iterator<Item = usize> {
         self.corners(vertex).map(|corner| corner as usize / 3)
     }
 
-    /// Leaves only those corners at a vertex for which `keep` holds.
+    /// Keeps only those corners at a vertex for which `keep` holds.
     pub(super) fn retain(&mut self, vertex: u32, keep: impl Fn(u32) -> bool) {
         let mut corner = std::mem::replace(&mut self.first[vertex as usize], END);
         while corner != END {
@@ -152,7 +156,7 @@ impl Fans {
         }
     }
 
-    /// Gives the corners at `gone` to `kept`.
+    /// Moves the corners at `gone` to `kept`.
     pub(super) fn join(&mut self, kept: u32, gone: u32) {
         let mut corner = std::mem::replace(&mut self.first[gone as usize], END);
         while corner != END {

@@ -6,8 +6,10 @@ use glam::DVec3;
 
 use ostra_masks::{Label, LabelId, LabelTree, MAX_DEPTH};
 
-/// The comment lines that keep a label tree in a PLY header: `label ID PARENT NAME`, then `color ID RRGGBB`. They are
-/// ASCII, which is all that PLY headers may hold (plyfile refuses anything else).
+/// Returns the comment lines that store a label tree in a PLY header.
+///
+/// The lines are `label ID PARENT NAME`, then `color ID RRGGBB`. They are ASCII, which is all that
+/// PLY headers may hold (plyfile rejects anything else).
 pub(crate) fn comments_of(tree: &LabelTree) -> Vec<String> {
     let names = tree.iter().map(|label| {
         let parent = label.parent.map_or(0, |id| id.0);
@@ -20,13 +22,15 @@ pub(crate) fn comments_of(tree: &LabelTree) -> Vec<String> {
     names.chain(colors).collect()
 }
 
-/// The comment line that keeps an origin other than zero: `origin X Y Z`, digits enough to read the same numbers back.
+/// Returns the comment line `origin X Y Z` that stores a non-zero origin.
+///
+/// It has enough digits to read the same numbers back.
 pub(crate) fn origin_comment(origin: DVec3) -> Option<String> {
     let DVec3 { x, y, z } = origin;
     (origin != DVec3::ZERO).then(|| format!("origin {x} {y} {z}"))
 }
 
-/// The origin kept in a header's comments; zero where there is none.
+/// Returns the origin stored in the comments of a header, or zero if there is none.
 pub(super) fn origin_from_comments(comments: &[String]) -> DVec3 {
     let origin = |comment: &String| -> Option<DVec3> {
         let numbers: Vec<f64> = comment
@@ -43,9 +47,10 @@ pub(super) fn origin_from_comments(comments: &[String]) -> DVec3 {
     comments.iter().find_map(origin).unwrap_or_default()
 }
 
-/// The label tree kept in a header's comments; lines that are no label or colour are other people's and are left alone.
+/// Returns the label tree stored in the comments of a header.
 ///
-/// A parent that is missing, makes a circle or lies too deep is dropped (the label comes to the top level); a name that is
+/// Lines that are neither a label nor a colour are ignored. A parent that is missing, part of a
+/// cycle or too deep is dropped, which moves the label to the top level. A name that is already
 /// taken gets a number: `leaf (2)`.
 pub(super) fn tree_from_comments(comments: &[String]) -> LabelTree {
     let mut labels: Vec<Label> = comments
@@ -61,7 +66,8 @@ pub(super) fn tree_from_comments(comments: &[String]) -> LabelTree {
         below.entry(label.parent).or_default().push(label);
     }
     let mut tree = LabelTree::default();
-    // The top level comes first; what is left after it are circles, of which one label each comes to the top.
+    // The top level comes first. The remaining labels form cycles, and one label of each moves to
+    // the top level.
     while let Some((_, mut open)) = below.pop_first() {
         open.reverse();
         while let Some(label) = open.pop() {
@@ -105,8 +111,10 @@ fn color_from(comment: &str) -> Option<(LabelId, [u8; 3])> {
     Some((LabelId(id.parse().ok()?), [red, green, blue]))
 }
 
-/// Gives each label whose name is taken by an earlier one a number. The next number of a name is remembered, so that
-/// thousands of equal names take no longer than different ones.
+/// Appends a number to each name that an earlier label already has.
+///
+/// The next number of a name is remembered, so that thousands of equal names take no longer than
+/// different ones.
 fn number_repeated_names(labels: &mut [Label]) {
     let mut taken: BTreeSet<String> = BTreeSet::new();
     let mut next: BTreeMap<String, usize> = BTreeMap::new();
@@ -122,7 +130,9 @@ fn number_repeated_names(labels: &mut [Label]) {
     }
 }
 
-/// The name in printable ASCII: other characters as `\u{HEX}`, a backslash before `u{` doubled.
+/// Returns the name in printable ASCII.
+///
+/// Other characters become `\u{HEX}`, and so does a backslash before `u{`.
 pub(crate) fn escaped(name: &str) -> String {
     let mut text = String::with_capacity(name.len());
     for (at, c) in name.char_indices() {
@@ -135,7 +145,7 @@ pub(crate) fn escaped(name: &str) -> String {
     text
 }
 
-/// Undoes [`escaped`]; what is no escape stays as it is.
+/// Reverts [`escaped`]; text that is not an escape sequence is unchanged.
 fn unescaped(text: &str) -> String {
     let mut name = String::with_capacity(text.len());
     let mut rest = text;
@@ -159,7 +169,7 @@ fn add(tree: &mut LabelTree, mut label: Label) {
     label.parent = label
         .parent
         .filter(|&parent| (1..MAX_DEPTH).contains(&tree.depth(parent)));
-    // The invariants hold: parent present, name free, id new and not 0.
+    // The tree's invariants hold: the parent exists, the name is free, and the id is new and not 0.
     let _ = tree.set(label);
 }
 
@@ -174,7 +184,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_survive_as_ascii() {
+    fn names_survive_a_round_trip_as_ascii() {
         for name in [
             "leaf",
             "Stängel",

@@ -1,4 +1,4 @@
-//! Single elements of a PLY file: faces, ASCII lines, and what is skipped.
+//! Single elements of a PLY file: faces, ASCII lines, and skipped elements.
 
 use std::io::BufRead;
 
@@ -11,10 +11,10 @@ use super::header::{Layout, first_line};
 use super::vertex::Vertex;
 use ostra_core::job::Progress;
 
-/// Faces between two looks at the stop sign.
+/// Faces between two checks for cancellation.
 const STRIDE: usize = 1 << 16;
 
-/// The corners of one face: the first list of its element.
+/// The corners of one face: the first list property of its element.
 #[derive(Default)]
 struct Face {
     corners: Vec<i64>,
@@ -42,7 +42,9 @@ impl PropertyAccess for Face {
     }
 }
 
-/// Reads the faces after `vertices` vertices as triangles; a face of more corners becomes a fan.
+/// Reads the faces as triangles; a face with more than three corners becomes a fan.
+///
+/// `vertices` is the number of vertices that corners may refer to.
 pub(super) fn read_faces(
     reader: &mut impl BufRead,
     layout: &Layout,
@@ -120,7 +122,7 @@ impl From<String> for Fault {
     }
 }
 
-/// Reads over an element that is not wanted.
+/// Skips an element.
 pub(super) fn skip(
     reader: &mut impl BufRead,
     layout: &Layout,
@@ -157,8 +159,10 @@ pub(super) fn skip(
     Ok(())
 }
 
-/// Reads one vertex of an ASCII file. Numbers may be written in any way that Rust, C or PCL writes them (`5.`, `.5`,
-/// `nan`, `-inf`), which the grammar of ply-rs does not take.
+/// Reads one vertex of an ASCII file.
+///
+/// Numbers may be written as Rust, C or PCL write them (`5.`, `.5`, `nan`, `-inf`), which the
+/// grammar of ply-rs does not accept.
 pub(super) fn read_vertex(
     reader: &mut impl BufRead,
     layout: &Layout,
@@ -187,7 +191,7 @@ pub(super) fn read_vertex(
     Ok(vertex)
 }
 
-/// Reads over the lines of an element that is not wanted.
+/// Skips the lines of an element.
 fn skip_lines(reader: &mut impl BufRead, count: usize) -> Result<(), String> {
     let mut line = String::new();
     (0..count).try_for_each(|_| next_line(reader, &mut line))
@@ -203,7 +207,7 @@ fn next_line(reader: &mut impl BufRead, line: &mut String) -> Result<(), String>
     }
 }
 
-/// Reads a line of properties, of which those marked are lists, and returns the first list.
+/// Reads a line of properties and returns the first list.
 fn read_list(
     reader: &mut impl BufRead,
     properties: impl Iterator<Item = bool>,
@@ -212,7 +216,7 @@ fn read_list(
     next_line(reader, &mut line)?;
     let mut words = line.split_ascii_whitespace();
     for is_list in properties {
-        // What stands before the list may be any number; it is not looked at.
+        // Values before the list may be any number and are ignored.
         let count = if is_list { whole(words.next())? } else { 1 };
         let values = (0..count).map(|_| words.next());
         if is_list {

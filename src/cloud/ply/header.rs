@@ -7,24 +7,26 @@ use ply_rs::ply::{Addable, ElementDef, Encoding, Header, PropertyDef, PropertyTy
 use super::vertex::{Slot, Vertex};
 use ostra_core::disk;
 
-/// A header longer than this is no PLY header. One of 65,535 labels with long names takes a tenth of it.
+/// Maximum size of a PLY header.
+///
+/// A header with 65,535 labels with long names takes a tenth of it.
 const MAX_HEADER_BYTES: usize = 64 << 20;
 
-/// What Windows editors and some exporters put before text in UTF-8.
+/// The UTF-8 byte-order mark that Windows editors and some exporters put before text.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
-/// What a file's header says about its vertices.
+/// The structure of a file's vertices, as described by its header.
 #[derive(Debug)]
 pub(super) struct Layout {
     pub(super) encoding: Encoding,
     pub(super) comments: Vec<String>,
-    /// Elements before the vertices, which must be read over.
+    /// Elements before the vertices, which must be skipped.
     pub(super) before: Vec<ElementDef>,
-    /// The vertices, their properties renamed by [`Slot::property_name`].
+    /// The vertices, with properties renamed by [`Slot::property_name`].
     pub(super) vertex: ElementDef,
-    /// Elements after the vertices; the last one is the faces, where the file has some.
+    /// Elements after the vertices; the last one is the faces, if the file has any.
     pub(super) after: Vec<ElementDef>,
-    /// Slot of each vertex property, in the file's order; `None` = a list.
+    /// Slot of each vertex property, in file order; `None` is a list.
     pub(super) columns: Vec<Option<Slot>>,
     /// How colours are stored.
     pub(super) colors: StoredColors,
@@ -39,14 +41,16 @@ pub(super) enum StoredColors {
     Bytes,
     /// A wider type, whose range only the values show: 0 to 1, 0 to 255 or 0 to 65535.
     Wide {
-        /// Whether the type is a floating one.
+        /// Whether the type is floating-point.
         floating: bool,
     },
 }
 
 impl Layout {
-    /// Checks that a file of `bytes` bytes can hold what its header lists, before any of it is read: a header can claim
-    /// any number of points or faces.
+    /// Checks that a file of `bytes` bytes can hold the elements that its header lists.
+    ///
+    /// This happens before any of them is read, because a header can claim any number of points or
+    /// faces.
     pub(super) fn check_counts(&self, bytes: u64) -> Result<(), String> {
         for element in self.before.iter().chain([&self.vertex]).chain(&self.after) {
             let each = match self.encoding {
@@ -68,16 +72,17 @@ impl Layout {
         Ok(())
     }
 
-    /// Whether the file has this property.
+    /// Returns whether the file has this property.
     pub(super) fn has(&self, slot: Slot) -> bool {
         self.columns.contains(&Some(slot))
     }
 
-    /// Reads a header up to and with its `end_header` line.
+    /// Reads a header up to and including its `end_header` line.
     ///
-    /// ply-rs refuses property names with other signs than letters, digits, `_` and `-` (CloudCompare writes
-    /// `scalar_Scalar_field_#2`), keeps only the last of two properties of one name and wants UTF-8 in comments; so it
-    /// is given numbers for names and the real ones are kept beside them.
+    /// ply-rs rejects property names with characters other than letters, digits, `_` and `-`
+    /// (CloudCompare writes `scalar_Scalar_field_#2`). It also keeps only the last of two
+    /// properties with the same name, and requires UTF-8 in comments. It is therefore given numbers
+    /// as names, and the real names are kept separately.
     pub(super) fn read(reader: &mut impl BufRead) -> Result<Self, String> {
         let lines = header_lines(reader)?;
         let mut names: Vec<Vec<String>> = Vec::new();
@@ -169,7 +174,7 @@ impl Layout {
     }
 }
 
-/// The header's lines, each with its line break; bytes that are no UTF-8 are replaced.
+/// Returns the header lines, each with its line break; invalid UTF-8 is replaced.
 fn header_lines(reader: &mut impl BufRead) -> Result<Vec<String>, String> {
     let mut lines = Vec::new();
     let mut bytes = 0;
@@ -201,7 +206,9 @@ fn header_lines(reader: &mut impl BufRead) -> Result<Vec<String>, String> {
     }
 }
 
-/// The line with a property's name replaced by its number, the name itself put into `names` (element by element).
+/// Returns the line with the name of a property replaced by its number.
+///
+/// The name itself is added to `names`, element by element.
 fn number_properties(line: &str, names: &mut Vec<Vec<String>>) -> String {
     let words: Vec<&str> = line.split_whitespace().collect();
     match words.first() {
@@ -218,7 +225,9 @@ fn number_properties(line: &str, names: &mut Vec<Vec<String>>) -> String {
     line.to_string()
 }
 
-/// The slot of each property: the best-ranked name wins a slot, the others are [`Slot::Other`].
+/// Returns the slot of each property.
+///
+/// The best-ranked name wins a slot; the other properties get [`Slot::Other`].
 fn slots(
     names: &[String],
     properties: impl Iterator<Item = PropertyDef>,
@@ -251,7 +260,7 @@ fn slots(
     columns
 }
 
-/// What a property's name means, and how far down the list of names for it the name stands.
+/// Returns the slot that a property name stands for, and its rank in the list of names for it.
 fn slot_of(name: &str) -> Option<(Slot, usize)> {
     const NAMES: [(Slot, &[&str]); 11] = [
         (Slot::X, &["x", "px", "pos_x"]),
@@ -286,7 +295,7 @@ fn slot_of(name: &str) -> Option<(Slot, usize)> {
 }
 
 impl StoredColors {
-    /// The storage of all channels, when one more is stored as `scalar`.
+    /// Returns the storage of all channels after adding one stored as `scalar`.
     fn with(self, scalar: &ScalarType) -> Self {
         let floating = match scalar {
             ScalarType::Char | ScalarType::UChar => return self,
@@ -299,7 +308,7 @@ impl StoredColors {
     }
 }
 
-/// Least number of bytes that a property takes in a binary file.
+/// Returns the minimum number of bytes of a property in a binary file.
 fn least_bytes(data_type: &PropertyType) -> u64 {
     let scalar = match data_type {
         PropertyType::Scalar(scalar) => scalar,
@@ -313,7 +322,7 @@ fn least_bytes(data_type: &PropertyType) -> u64 {
     }
 }
 
-/// The first line of a message of ply-rs, which may have several.
+/// Returns the first line of a message of ply-rs, which may have several.
 pub(super) fn first_line(text: &str) -> &str {
     text.lines()
         .next()

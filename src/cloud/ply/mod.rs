@@ -1,9 +1,13 @@
-//! Labelled clouds and meshes in PLY files: our own form out, anybody's form in.
+//! Labelled clouds and meshes in PLY files: writes its own form, reads those of other programs.
 //!
-//! Written: binary little-endian, `x y z nx ny nz` float, `red green blue` uchar, `label` int (Open3D and MeshLab skip
-//! ushort), `confidence` float; `comment origin X Y Z` where positions are relative to one; `comment label ID PARENT
-//! NAME` (PARENT 0 = none) and `comment color ID RRGGBB` for each label, in ASCII: other characters of names are
-//! escaped as `\\u{HEX}`; a mesh's faces as the list `vertex_indices`. Files with a ushort `label` are still read.
+//! Files are written as binary little-endian with `x y z nx ny nz` (float), `red green blue`
+//! (uchar), `label` (int) and `confidence` (float). The label is an int because Open3D and MeshLab
+//! skip ushort; files with a ushort `label` can still be read. The faces of a mesh are the list
+//! `vertex_indices`.
+//!
+//! Comments hold the rest. There is `comment origin X Y Z` if positions are relative to an origin.
+//! Each label has `comment label ID PARENT NAME` (PARENT 0 = none) and `comment color ID RRGGBB`.
+//! Comments are ASCII; other characters in names are escaped as `\u{HEX}`.
 
 mod comments;
 mod elements;

@@ -16,20 +16,24 @@ use ostra_core::job::Progress;
 use ostra_core::statistics::upper_median;
 use ostra_masks::LabelId;
 
-/// Points between two looks at the stop sign.
+/// Points between two checks for cancellation.
 const STRIDE: usize = 1 << 16;
-/// From here on coordinates of more than 32 bits become relative to an origin.
+/// Magnitude from which coordinates with more than 32 bits are stored relative to an origin.
 const FAR: f64 = 1000.0;
-/// That origin is a multiple of this.
+/// The origin is a multiple of this value.
 const ORIGIN_STEP: f64 = 100.0;
-/// Points that the origin is chosen by.
+/// Number of points from which the origin is chosen.
 const ORIGIN_POINTS: usize = 4096;
 
-/// A cloud read from a PLY file, and what the file had.
+/// A cloud read from a PLY file, and which properties the file had.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlyCloud {
-    /// The points. Grey where the file has no colours; normals zero, labels 0 where it has none; confidence 1 for a
-    /// labelled point where it has none. Positions of more digits than 32 bits hold are relative to `cloud.origin`. Ids without a name in the file have a label named after the number.
+    /// The points.
+    ///
+    /// Missing colours are grey, missing normals are zero and missing labels are 0. Missing
+    /// confidences are 1 for labelled points. Positions with more digits than 32 bits hold are
+    /// relative to `cloud.origin`. Ids that the file does not name get a label named after the
+    /// number.
     pub cloud: LabelledCloud,
     /// Whether the file has labels.
     pub has_labels: bool,
@@ -37,19 +41,25 @@ pub struct PlyCloud {
     pub has_normals: bool,
     /// Whether the file has colours.
     pub has_colors: bool,
-    /// What the user should know: points dropped because their position is no finite number (organised clouds mark
-    /// holes so), labels that mean "none", the range that colours were taken for.
+    /// Warnings for the user.
+    ///
+    /// They report points dropped because their position is not finite (organised clouds mark holes
+    /// this way), labels that mean "none", and the assumed range of colours.
     pub warnings: Vec<String>,
 }
 
-/// Reads the vertices of a PLY file: ASCII or binary of either byte order, properties in any order and type, labels
-/// under any of the usual names (`label`, `scalar_Label`, `class`, `classification`, …); faces and other elements are
-/// read over.
+/// Reads the vertices of a PLY file.
+///
+/// The file may be ASCII or binary of either byte order, with properties in any order and of any
+/// type. Labels are found under any of the usual names (`label`, `scalar_Label`, `class`,
+/// `classification`, …). Faces and other elements are skipped. Negative labels, NaN and −1 stored
+/// as an unsigned number mean "none" in other programs; they are read as 0, with a warning.
 ///
 /// # Errors
-/// [`SceneError::Io`]; [`SceneError::Invalid`] for a file that is no PLY file, has no vertices, is cut off, or has a
-/// label that is no whole number up to 65535; [`SceneError::Stopped`]. Negative labels, NaN and −1 stored without a sign
-/// mean "none" in other programs and are read as 0, with a warning.
+///
+/// Returns [`SceneError::Io`] if the file cannot be opened. Returns [`SceneError::Invalid`] if it
+/// is not a PLY file, has no vertices, is truncated, or has a label that is not an integer up to
+/// 65535. Returns [`SceneError::Stopped`] if the job is stopped.
 pub fn read_ply(path: &Path, progress: &Progress) -> Result<PlyCloud, SceneError> {
     let io = |reason| SceneError::Io {
         path: path.to_path_buf(),
@@ -61,11 +71,14 @@ pub fn read_ply(path: &Path, progress: &Progress) -> Result<PlyCloud, SceneError
     read_or(path, || read_from(&mut reader, bytes, progress))
 }
 
-/// Reads a PLY file with its faces, which must stand after its vertices; faces of more corners are cut into triangles.
+/// Reads a PLY file with its faces, which must come after its vertices.
+///
+/// Faces with more than three corners are split into triangles.
 ///
 /// # Errors
-/// As [`read_ply`], and [`SceneError::Invalid`] where there are no faces, or vertices without a finite position, or a face
-/// names a vertex that is not there.
+///
+/// Returns the errors of [`read_ply`]. Returns [`SceneError::Invalid`] if there are no faces, if a
+/// vertex has no finite position, or if a face refers to a vertex that does not exist.
 pub fn read_mesh(path: &Path, progress: &Progress) -> Result<LabelledMesh, SceneError> {
     let io = |reason| SceneError::Io {
         path: path.to_path_buf(),
@@ -125,7 +138,7 @@ fn read_vertices(
         .iter()
         .try_for_each(|element| skip(reader, layout, element, progress))?;
     let count = layout.vertex.count;
-    // A header can claim any number of points: never reserve more than the file can hold.
+    // A header can claim any number of points, so no more is reserved than the file can hold.
     let mut builder = Builder::new(
         layout,
         count.min(usize::try_from(bytes).unwrap_or(usize::MAX) / 3),
@@ -164,20 +177,20 @@ fn read_vertex(
     })
 }
 
-/// Gathers vertices into a cloud.
+/// Collects vertices into a cloud.
 struct Builder {
     cloud: LabelledCloud,
-    /// Colours as stored, where their range is known only at the end.
+    /// Colours as stored, if their range is only known at the end.
     wide_colors: Vec<[f32; 3]>,
     colors: StoredColors,
     has_colors: bool,
     has_confidence: bool,
     dropped: usize,
-    /// Points whose label means "none", and the first such label.
+    /// Number of points whose label means "none", and the first such label.
     without_label: Option<(usize, f64)>,
     /// Whether the file may hold more digits than 32 bits do.
     is_exact: bool,
-    /// What positions are reduced by, once enough points are known to choose it.
+    /// Offset subtracted from positions, once enough points are known to choose it.
     shift: Option<DVec3>,
     /// The positions until then.
     first: Vec<DVec3>,
@@ -245,8 +258,10 @@ impl Builder {
         }
     }
 
-    /// Where the file has more digits than 32 bits hold and most of its first points lie far from zero, positions become
-    /// relative to an origin near those. A hole stored as zero, or one distant point, has no influence.
+    /// Chooses the origin that positions are relative to.
+    ///
+    /// It is non-zero if the file has more digits than 32 bits hold and most of its first points
+    /// are far from zero. A hole stored as zero, or one distant point, has no influence.
     fn choose_origin(&mut self) {
         let median = |axis: usize| {
             let mut along: Vec<f64> = self.first.iter().map(|at| at[axis]).collect();
@@ -272,7 +287,7 @@ impl Builder {
             vertex.at(Slot::Nz),
         )
         .as_vec3();
-        // Unit normals stay bit for bit, so that writing what was read gives the same file.
+        // Unit normals are kept bit for bit, so that writing what was read gives the same file.
         if normal.is_normalized() {
             normal
         } else {
@@ -280,7 +295,9 @@ impl Builder {
         }
     }
 
-    /// Brings colours of a wide type to 0–255. Returns what the user should know about the range that was taken.
+    /// Scales colours of a wider type to 0–255.
+    ///
+    /// Returns a warning about the assumed range, if it is needed.
     fn scale_colors(&mut self) -> Option<String> {
         let StoredColors::Wide { floating } = self.colors else {
             return None;
@@ -292,7 +309,7 @@ impl Builder {
         let highest = channels()
             .filter(|channel| channel.is_finite())
             .fold(0.0f32, f32::max);
-        // A little above the end of a range is rounding.
+        // Values slightly above the end of a range are due to rounding.
         let (range, usual) = match highest {
             _ if floating && highest <= 1.01 => (1.0, true),
             _ if highest <= 255.5 => (255.0, !floating),
@@ -362,15 +379,19 @@ impl Builder {
     }
 }
 
-/// Whether a stored label is one of those that other programs give to points without a label: NaN, a negative whole
-/// number (−1 for noise, −100 for "ignore"), or −1 in 32 bits without a sign.
+/// Returns whether a stored label means that the point has no label.
+///
+/// Other programs use NaN, a negative integer (−1 for noise, −100 for "ignore"), or −1 stored as an
+/// unsigned 32-bit number.
 fn means_no_label(value: f64) -> bool {
     let whole = value.round();
     let unsigned = [f64::from(u32::MAX), f64::from(u32::MAX as f32)];
     value.is_nan() || (whole < 0.0 && (value - whole).abs() <= 1e-3) || unsigned.contains(&value)
 }
 
-/// A stored label as an id; files keep them as any integer or floating type.
+/// Converts a stored label to an id.
+///
+/// Files store labels as any integer or floating-point type.
 fn label_id(value: f64) -> Result<LabelId, String> {
     let whole = value.round();
     if (value - whole).abs() > 1e-3 || !(0.0..=65535.0).contains(&whole) {

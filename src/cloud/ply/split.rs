@@ -7,15 +7,17 @@ use ostra_masks::{LabelId, LabelTree};
 /// The points of one label.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LabelPart {
-    /// Its id; 0 for the points without a label.
+    /// Id of the label; 0 for the unlabelled points.
     pub id: LabelId,
-    /// Its name; `unlabelled` for id 0.
+    /// Name of the label; `unlabelled` for id 0.
     pub name: String,
-    /// Its points, in the order of the whole cloud and under the whole tree.
+    /// The points of the label, in the order of the whole cloud and with the whole tree.
     pub cloud: LabelledCloud,
 }
 
-/// Splits a cloud into one part for each label that has points, ordered by id, the unlabelled points first.
+/// Splits a cloud into one part per label that has points, ordered by id.
+///
+/// The unlabelled points come first.
 #[must_use]
 pub fn split_by_label(cloud: &LabelledCloud) -> Vec<LabelPart> {
     let mut indices: BTreeMap<LabelId, Vec<u32>> = BTreeMap::new();
@@ -30,10 +32,13 @@ pub fn split_by_label(cloud: &LabelledCloud) -> Vec<LabelPart> {
     indices.into_iter().map(part).collect()
 }
 
-/// Writes one file for each label that has points beside `path` ([`label_paths`]) by `save`. Returns the files written.
+/// Writes one file next to `path` ([`label_paths`]) for each label that has points, using `save`.
+///
+/// Returns the files written.
 ///
 /// # Errors
-/// Those of `save`; the files before the fault stay.
+///
+/// Returns the errors of `save`. Files written before the error are kept.
 pub fn save_per_label(
     path: &Path,
     cloud: &LabelledCloud,
@@ -46,13 +51,15 @@ pub fn save_per_label(
     Ok(files.into_values().collect())
 }
 
-/// Longest part of a file name that a label's name gives, in bytes: file systems allow 255 for the whole name.
+/// Maximum length in bytes of a label name in a file name.
+///
+/// File systems allow 255 for the whole name.
 const MAX_NAME_BYTES: usize = 120;
 
-/// Where the parts of a cloud or mesh go that is written to `path`, for each label that has points: `STEM_NAME.ENDING`.
+/// Returns the path `STEM_NAME.ENDING` for each label that has points, next to `path`.
 ///
-/// A name that another label of the tree takes already, if only in another case, or that is the twin's, gets the label's
-/// number.
+/// The id of the label is appended to a name that another label of the tree already has, ignoring
+/// case, and to the name of the file in label colours.
 #[must_use]
 pub fn label_paths(path: &Path, cloud: &LabelledCloud) -> BTreeMap<LabelId, PathBuf> {
     let present: BTreeSet<LabelId> = cloud.labels.iter().copied().collect();
@@ -84,10 +91,10 @@ fn shortened(name: &str) -> String {
     name[..end.unwrap_or(0)].to_owned()
 }
 
-/// What the name of the twin in label colours ends in.
+/// File name suffix of the copy in label colours.
 const TWIN: &str = "labels";
 
-/// Where the twin of a cloud in label colours goes: `STEM_labels.ENDING` beside it.
+/// Returns the path of the copy of a cloud in label colours: `STEM_labels.ENDING`.
 #[must_use]
 pub fn twin_path(path: &Path) -> PathBuf {
     beside(path, TWIN)
@@ -101,7 +108,7 @@ fn beside(path: &Path, suffix: &str) -> PathBuf {
     path.with_file_name(format!("{stem}_{suffix}.{ending}"))
 }
 
-/// A label's name; `unlabelled` for id 0, the number of one that the tree lacks.
+/// Returns the name of a label: `unlabelled` for id 0, or the id if the tree lacks it.
 pub(crate) fn label_name(tree: &LabelTree, id: LabelId) -> String {
     match tree.get(id) {
         Some(label) => label.name.clone(),
@@ -110,7 +117,7 @@ pub(crate) fn label_name(tree: &LabelTree, id: LabelId) -> String {
     }
 }
 
-/// A label's name with everything that a file name cannot hold on some system replaced.
+/// Returns a name with all characters replaced that are invalid in file names on some system.
 pub(crate) fn file_part(name: &str) -> String {
     name.chars()
         .map(|c| {
@@ -129,7 +136,7 @@ mod tests {
     use ostra_masks::Label;
 
     #[test]
-    fn no_two_files_of_an_export_have_one_name() {
+    fn exported_files_have_unique_names() {
         let long = "x".repeat(300);
         let names = [
             "labels",

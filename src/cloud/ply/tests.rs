@@ -49,7 +49,7 @@ fn sample() -> LabelledCloud {
 }
 
 #[test]
-fn exact_bytes_of_our_form() {
+fn written_bytes_match_the_format() {
     let bytes = written(&sample());
     let header = "ply\nformat binary_little_endian 1.0\ncomment label 3 7 feuille \\u{e9}t\\u{e9}\ncomment label 7 0 the plant\n\
                   comment color 3 abcdef\ncomment color 7 0102ff\nelement vertex 2\nproperty float x\nproperty float y\n\
@@ -65,7 +65,7 @@ fn exact_bytes_of_our_form() {
 }
 
 #[test]
-fn our_form_comes_back() {
+fn sample_cloud_survives_a_round_trip() {
     let back = read(&written(&sample())).unwrap();
     assert_eq!(back.cloud, sample());
     assert!(back.has_labels && back.has_normals && back.has_colors && back.warnings.is_empty());
@@ -73,7 +73,7 @@ fn our_form_comes_back() {
 
 proptest! {
     #[test]
-    fn any_cloud_comes_back(points in prop::collection::vec((any::<[i16; 3]>(), any::<[u8; 3]>(), any::<u16>(), 0u8..=255), 0..40)) {
+    fn any_cloud_survives_a_round_trip(points in prop::collection::vec((any::<[i16; 3]>(), any::<[u8; 3]>(), any::<u16>(), 0u8..=255), 0..40)) {
         let mut cloud = LabelledCloud::from_positions(points.iter().map(|p| Vec3::from_array(p.0.map(f32::from)) * 0.01).collect());
         cloud.colors = points.iter().map(|p| p.1).collect();
         cloud.labels = points.iter().map(|p| LabelId(p.2)).collect();
@@ -84,7 +84,7 @@ proptest! {
     }
 
     #[test]
-    fn cut_or_changed_bytes_never_panic(cut in 0usize..700, at in 0usize..700, value in any::<u8>()) {
+    fn truncated_or_changed_bytes_never_panic(cut in 0usize..700, at in 0usize..700, value in any::<u8>()) {
         let mut bytes = written(&sample());
         let full = bytes.len();
         let (cut, at) = (cut.min(full), at.min(full - 1));
@@ -98,7 +98,7 @@ proptest! {
 }
 
 #[test]
-fn ascii_with_other_order_lists_and_names() {
+fn ascii_files_with_other_orders_lists_and_names_are_read() {
     let text = "ply\r\nformat ascii 1.0\r\ncomment made by hand\r\nelement camera 1\r\nproperty list uchar int what\r\n\
                 element vertex 3\r\nproperty int scalar_Label\r\nproperty list uchar float extra\r\nproperty double z\r\n\
                 property double y\r\nproperty double x\r\nproperty float scalar_Scalar_field_#2\r\nelement face 9\r\n\
@@ -121,7 +121,7 @@ fn ascii_with_other_order_lists_and_names() {
 }
 
 #[test]
-fn big_endian_with_lists_before_and_float_colors() {
+fn big_endian_files_with_lists_and_float_colors_are_read() {
     let mut bytes = b"ply\nformat binary_big_endian 1.0\ncomment caf\xe9\nelement face 2\nproperty list uchar uint v\nelement vertex 1\n\
         property double x\nproperty double y\nproperty double z\nproperty float red\nproperty float green\nproperty float blue\n\
         property list ushort short extra\nproperty uchar classification\nend_header\n"
@@ -145,7 +145,7 @@ fn big_endian_with_lists_before_and_float_colors() {
 }
 
 #[test]
-fn label_names_win_over_lesser_names_and_repeated_properties_do_not_shift_columns() {
+fn best_ranked_property_names_win() {
     let text = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float x\nproperty float y\nproperty float z\n\
                 property uchar class\nproperty float scalar_label\nproperty uchar red\nend_header\n1 9 2 3 8 4 77\n";
     let back = read(text.as_bytes()).unwrap();
@@ -154,7 +154,7 @@ fn label_names_win_over_lesser_names_and_repeated_properties_do_not_shift_column
 }
 
 #[test]
-fn what_is_wrong_is_said() {
+fn errors_say_what_is_wrong() {
     let header = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nproperty int label\nend_header\n";
     let fault = |text: String| read(text.as_bytes()).unwrap_err();
     assert!(fault(format!("{header}1 2 3 1.5\n")).contains("label 1.5"));
@@ -183,7 +183,7 @@ fn what_is_wrong_is_said() {
 }
 
 #[test]
-fn a_header_that_claims_too_many_points_ends_in_an_error() {
+fn header_with_too_many_points_is_an_error() {
     let header = format!(
         "ply\nformat binary_little_endian 1.0\nelement empty {0}\nelement vertex {0}\nproperty float x\nproperty float y\nproperty float z\nend_header\nabc",
         u64::MAX / 2
@@ -192,7 +192,7 @@ fn a_header_that_claims_too_many_points_ends_in_an_error() {
 }
 
 #[test]
-fn counts_are_checked_against_the_size_of_the_file() {
+fn element_counts_are_checked_against_the_file_size() {
     let vertices = "element vertex 1\nproperty float x\nproperty float y\nproperty float z\n";
     for (encoding, points) in [
         ("ascii", &b"0 0 0\n"[..]),
@@ -219,7 +219,7 @@ fn counts_are_checked_against_the_size_of_the_file() {
 }
 
 #[test]
-fn labels_that_mean_none_are_unlabelled_with_a_warning() {
+fn labels_that_mean_none_become_unlabelled_with_a_warning() {
     for (kind, stored) in [
         ("int", "-1"),
         ("int", "-100"),
@@ -241,7 +241,7 @@ fn labels_that_mean_none_are_unlabelled_with_a_warning() {
 }
 
 #[test]
-fn the_range_of_colours_follows_their_values() {
+fn colour_range_is_derived_from_the_values() {
     for (kind, stored, expected, warnings) in [
         ("float", "0 0.5 1", [0, 128, 255], 0),
         ("float", "0 127.6 255", [0, 128, 255], 1),
@@ -281,7 +281,7 @@ fn byte_order_marks_are_skipped() {
 }
 
 #[test]
-fn many_labels_of_one_name_in_one_chain_are_kept_apart() {
+fn labels_with_equal_names_in_a_chain_are_numbered() {
     let comments: Vec<String> = (1..=65_535)
         .map(|id| format!("label {id} {} a", id - 1))
         .collect();
@@ -298,7 +298,7 @@ fn many_labels_of_one_name_in_one_chain_are_kept_apart() {
 }
 
 #[test]
-fn damaged_label_comments_make_a_tree_all_the_same() {
+fn damaged_label_comments_still_give_a_tree() {
     let text = "ply\nformat ascii 1.0\ncomment label 1 2 a\ncomment label 2 1 b\ncomment label 3 9 c\ncomment label 4 0 a\n\
                 comment label x 0 y\ncomment label 0 0 z\ncomment color 1 12345\ncomment color 2 010203\nelement vertex 0\n\
                 property float x\nproperty float y\nproperty float z\nend_header\n";
@@ -312,7 +312,7 @@ fn damaged_label_comments_make_a_tree_all_the_same() {
 }
 
 #[test]
-fn parts_and_twin_on_disk() {
+fn parts_and_label_colour_copy_are_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cloud.ply");
     let progress = Progress::default();
@@ -338,7 +338,7 @@ fn parts_and_twin_on_disk() {
 }
 
 #[test]
-fn a_stop_or_fault_leaves_the_old_file() {
+fn stopped_or_failed_save_leaves_the_old_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cloud.ply");
     save_ply(&path, &sample(), Coloring::Picture, &Progress::default()).unwrap();
@@ -359,7 +359,7 @@ fn a_stop_or_fault_leaves_the_old_file() {
 }
 
 #[test]
-fn a_mesh_comes_back_and_is_a_cloud_for_those_who_want_points() {
+fn mesh_survives_a_round_trip_and_can_be_read_as_a_cloud() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("mesh.ply");
     let mut vertices = sample();
@@ -383,7 +383,7 @@ fn a_mesh_comes_back_and_is_a_cloud_for_those_who_want_points() {
 }
 
 #[test]
-fn meshes_of_others_are_read_in_text_and_with_larger_faces() {
+fn ascii_meshes_with_larger_faces_are_read() {
     let folder = tempfile::tempdir().unwrap();
     let read = |faces: &str| {
         let path = folder.path().join("other.ply");
@@ -405,7 +405,7 @@ fn meshes_of_others_are_read_in_text_and_with_larger_faces() {
 }
 
 #[test]
-fn the_origin_is_near_most_points_whatever_the_first_one_is() {
+fn origin_is_near_most_points_whatever_the_first_one_is() {
     let file = |points: &[[f64; 3]]| {
         let mut text = format!("ply\nformat ascii 1.0\nelement vertex {}\n", points.len());
         text += "property double x\nproperty double y\nproperty double z\nend_header\n";

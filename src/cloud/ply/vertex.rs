@@ -1,6 +1,8 @@
 use ply_rs::ply::{Property, PropertyAccess, PropertyAccessResult};
 
-/// What a vertex property of a foreign file means to us; also its place in [`Vertex`].
+/// The meaning of a vertex property in a file of another program.
+///
+/// It is also the index in [`Vertex`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Slot {
     X,
@@ -14,7 +16,7 @@ pub(super) enum Slot {
     Blue,
     Label,
     Confidence,
-    /// Read and thrown away.
+    /// Read and discarded.
     Other,
 }
 
@@ -22,8 +24,10 @@ pub(super) enum Slot {
 const SLOTS: usize = Slot::Other as usize + 1;
 
 impl Slot {
-    /// The name under which a property of this slot is given to ply-rs: the first byte is the slot, the rest keeps
-    /// names apart. One byte is looked at per value, where matching the file's own names took most of the reading.
+    /// Returns the name under which a property of this slot is passed to ply-rs.
+    ///
+    /// The first byte is the slot, the rest makes names unique. Only one byte is examined per
+    /// value; matching the file's own names took most of the reading time.
     pub(super) fn property_name(self, column: usize) -> String {
         format!("{}{column}", char::from(b'a' + self as u8))
     }
@@ -34,12 +38,12 @@ impl Slot {
 pub(super) struct Vertex([f64; SLOTS]);
 
 impl Vertex {
-    /// The value of a slot; 0 where the file has none.
+    /// Returns the value of a slot, or 0 if the file does not have it.
     pub(super) fn at(&self, slot: Slot) -> f64 {
         self.0[slot as usize]
     }
 
-    /// Puts a value into its slot.
+    /// Sets the value of a slot.
     pub(super) fn put(&mut self, slot: Slot, value: f64) {
         self.0[slot as usize] = value;
     }

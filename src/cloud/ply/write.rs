@@ -16,25 +16,25 @@ use crate::whole_file::{unplaced, write_whole};
 use crate::{LabelledCloud, LabelledMesh, SceneError};
 use ostra_core::job::Progress;
 
-/// Points between two looks at the stop sign, encoded together.
+/// Points between two checks for cancellation; they are encoded together.
 const STRIDE: usize = 1 << 16;
-/// Points that one task encodes.
+/// Number of points encoded by one task.
 const TASK: usize = 1 << 12;
-/// What a point takes: seven floats, a colour, a label.
+/// Size of a point: seven floats, a colour and a label.
 const POINT_BYTES: usize = 7 * 4 + 3 + 4;
 
-/// Which colours a written cloud gets.
+/// The colours of a written cloud.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Coloring {
-    /// Those of the pictures.
+    /// Image colours.
     #[default]
     Picture,
-    /// Those of the labels: the mask twin.
+    /// Label colours.
     Labels,
 }
 
 impl Coloring {
-    /// The colours that the points get, sRGB.
+    /// Returns the colours of the points in sRGB.
     #[must_use]
     pub fn of(self, cloud: &LabelledCloud) -> Cow<'_, [[u8; 3]]> {
         match self {
@@ -44,11 +44,15 @@ impl Coloring {
     }
 }
 
-/// Writes a cloud to `path`: first under a temporary name beside it, then renamed, so that a stop or a full disk leaves
-/// what was there.
+/// Writes a cloud to `path`.
+///
+/// The file is written under a temporary name next to `path` and then renamed, so that the previous
+/// file is left intact if the job is stopped or the disk is full.
 ///
 /// # Errors
-/// [`SceneError::Io`], [`SceneError::Request`] for a cloud whose vectors differ in length, [`SceneError::Stopped`].
+///
+/// Returns [`SceneError::Io`] if the file cannot be written. Returns [`SceneError::Request`] if the
+/// vectors of the cloud differ in length. Returns [`SceneError::Stopped`] if the job is stopped.
 pub fn save_ply(
     path: &Path,
     cloud: &LabelledCloud,
@@ -66,11 +70,14 @@ pub fn save_ply(
     )
 }
 
-/// Writes a mesh to `path` as [`save_ply`] does: its vertices as a cloud's points, and an element `face` with the list
+/// Writes a mesh to `path` as [`save_ply`] does.
+///
+/// The vertices are written as the points of a cloud, followed by an element `face` with the list
 /// `vertex_indices`.
 ///
 /// # Errors
-/// As [`save_ply`].
+///
+/// Returns the errors of [`save_ply`].
 pub fn save_mesh(
     path: &Path,
     mesh: &LabelledMesh,
@@ -88,7 +95,7 @@ pub fn save_mesh(
     )
 }
 
-/// What a file gets.
+/// The content of a file.
 struct Content<'a> {
     cloud: &'a LabelledCloud,
     triangles: Option<&'a [[u32; 3]]>,
@@ -99,10 +106,11 @@ fn save(path: &Path, content: &Content<'_>, progress: &Progress) -> Result<(), S
     write_whole(path, |out| write(out, content, progress))
 }
 
-/// Writes a cloud in our form; the writer needs no buffer of its own.
+/// Writes a cloud in the form of this module; the writer needs no buffer of its own.
 ///
 /// # Errors
-/// As [`save_ply`]; an [`SceneError::Io`] has an empty path.
+///
+/// Returns the errors of [`save_ply`]; [`SceneError::Io`] has an empty path.
 pub fn write_ply<W: Write>(
     out: W,
     cloud: &LabelledCloud,
@@ -223,7 +231,7 @@ fn header(cloud: &LabelledCloud, triangles: Option<&[[u32; 3]]>) -> Header {
     header
 }
 
-/// One point on its way out.
+/// One point to be written.
 struct Point {
     position: Vec3,
     normal: Vec3,

@@ -1,4 +1,4 @@
-//! An eye, and the points that it sees.
+//! The viewpoint of a selection, and the points visible from it.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -9,17 +9,17 @@ use ostra_frames::Frame;
 use ostra_geometry::{Camera, Pose, PosedCamera, Projection};
 use ostra_masks::Region;
 
-/// Where a cloud is seen from.
+/// A viewpoint from which a cloud is seen.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Eye {
-    /// The camera of the frame of this number.
+    /// The camera of the frame with this number.
     Frame(usize),
-    /// A camera of its own.
+    /// A free camera.
     Free {
         /// Intrinsics.
         camera: Camera,
-        /// Its pose.
+        /// Camera pose.
         camera_from_world: Pose,
     },
 }
@@ -45,19 +45,23 @@ impl Eye {
     }
 }
 
-/// Radius of a point's disc, in spacings of the cloud: neighbours on a surface overlap.
+/// Radius of a point's disc, in spacings of the cloud, so that neighbours on a surface overlap.
 const DISC: f64 = 0.75;
-/// Smallest radius of a disc in pixels.
+/// Minimum radius of a disc in pixels.
 const SMALLEST_PX: f64 = 0.8;
-/// Largest radius of a disc in pixels: a point right before the eye would cover the whole picture.
+/// Maximum radius of a disc in pixels.
+///
+/// A point right in front of the camera would otherwise cover the whole image.
 const LARGEST_PX: f64 = 24.0;
-/// How far behind the front a point may lie to count as seen, in spacings of the cloud or in pixels' footprints, whichever
-/// is larger: so much does a slanted or rough surface change within a disc.
+/// Maximum depth of a visible point behind the front.
+///
+/// The unit is the spacing of the cloud or the footprint of a pixel, whichever is larger. A slanted
+/// or rough surface changes by this much within a disc.
 const TOLERANCE: f64 = 4.0;
-/// Rows of the picture that one task draws.
+/// Number of image rows rendered by one task.
 const BAND_ROWS: usize = 32;
 
-/// A point drawn as a disc that faces the eye.
+/// A point rendered as a disc that faces the camera.
 struct Disc {
     point: u32,
     x: f64,
@@ -66,7 +70,7 @@ struct Disc {
     depth: f64,
 }
 
-/// The part of a picture that is drawn: the box around a region, columns and rows with the last one excluded.
+/// The rendered part of the image: the bounding box of a region, in pixels.
 struct Part {
     left: usize,
     top: usize,
@@ -74,9 +78,12 @@ struct Part {
     height: usize,
 }
 
-/// The points that are seen in a region of the picture: their middles fall into it and lie at the front of all that is drawn
-/// as discs there (a depth buffer, Catmull, A Subdivision Algorithm for Computer Display of Curved Surfaces, 1974).
-/// Points for which `is_drawn` says no are neither seen nor hide others.
+/// Returns the points that are visible in a region of the image.
+///
+/// A point is visible if its centre is in the region and at the front of all discs rendered there.
+/// This is a depth buffer (Catmull, A Subdivision Algorithm for Computer Display of Curved
+/// Surfaces, 1974). Points for which `is_drawn` returns false are neither visible nor occlude
+/// others.
 pub(super) fn seen_in(
     points: &[Vec3],
     spacing: f64,
@@ -131,7 +138,7 @@ fn discs(
 }
 
 impl Part {
-    /// `None` for a region without pixels.
+    /// Returns the bounding box of a region, or `None` if the region has no pixels.
     fn around(region: &Region) -> Option<Self> {
         let width = region.width as usize;
         let rows = region.inside.chunks_exact(width.max(1));
@@ -157,7 +164,7 @@ impl Part {
         })
     }
 
-    /// The pixel of the part that holds a disc's middle.
+    /// Returns the index of the pixel that contains the centre of a disc.
     fn pixel(&self, disc: &Disc) -> Option<usize> {
         let inside = disc.x >= 0.0
             && disc.y >= 0.0
@@ -166,7 +173,7 @@ impl Part {
         inside.then_some(disc.y as usize * self.width + disc.x as usize)
     }
 
-    /// The least depth of all discs, pixel by pixel; infinite where there is none.
+    /// Returns the minimum depth of all discs per pixel; infinite if there is none.
     fn drawn(&self, discs: &[Disc]) -> Vec<f32> {
         let mut front = vec![f32::INFINITY; self.width * self.height];
         front
@@ -186,7 +193,10 @@ impl Part {
 }
 
 impl Disc {
-    /// Draws the pixels whose middles lie within the disc, and always the one that holds its own.
+    /// Draws the disc into rows of the depth buffer.
+    ///
+    /// It covers the pixels whose centres lie within the disc, and always the one that contains its
+    /// centre.
     fn draw(&self, rows: &mut [f32], width: usize, top: usize) {
         let (x, y) = (self.x, self.y - top as f64);
         let span = |at: f64, size: usize| {

@@ -1,4 +1,4 @@
-//! Growing by likeness, and the connected pieces of a selection.
+//! Region growing by similarity, and the connected components of a selection.
 
 use glam::{IVec3, Vec3};
 use rayon::prelude::*;
@@ -10,18 +10,20 @@ use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::{lab_of_pixel, squared_difference};
 
-/// How far neighbours may be from each other, in spacings of the cloud.
+/// Maximum distance between neighbours, in spacings of the cloud.
 const REACH: f32 = 2.5;
-/// Neighbours that are looked at.
+/// Number of neighbours that are examined.
 const NEIGHBOURS: usize = 12;
 
-/// What points must have in common with those they are added to.
+/// Similarity that points need to be added to a selection.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Likeness {
-    /// Largest angle between the normals of neighbours, degrees, 0–180; a point without a normal fits any.
+    /// Maximum angle between the normals of neighbours, in degrees, 0–180.
+    ///
+    /// A point without a normal is similar to any other.
     pub normal_deg: f32,
-    /// Largest difference from the colour that the growth began at, CIE 1976 ΔE, 0 or above.
+    /// Maximum colour difference from the starting point, as CIE 1976 ΔE, 0 or above.
     pub color: f32,
 }
 
@@ -34,9 +36,11 @@ impl Default for Likeness {
     }
 }
 
-/// Adds to `inside` what can be reached from it over neighbours that are alike: normals may turn from neighbour to neighbour
-/// (Rabbani, van den Heuvel, Vosselman, Segmentation of point clouds using smoothness constraint, ISPRS 2006), colours
-/// are held to where the growth began.
+/// Adds the points that can be reached from `inside` over similar neighbours.
+///
+/// Normals are compared between neighbours, so they may turn gradually (Rabbani, van den Heuvel,
+/// Vosselman, Segmentation of point clouds using smoothness constraint, ISPRS 2006). Colours are
+/// compared with the starting point.
 pub(super) fn grow(
     cloud: &LabelledCloud,
     neighbours: &Neighbours,
@@ -90,11 +94,16 @@ pub(super) fn grow(
     Ok(())
 }
 
-/// Edge of the cells by which points hang together, in spacings of the cloud: gaps below one cell do not part a piece.
+/// Edge length of the cells that connect points, in spacings of the cloud.
+///
+/// Gaps below one cell do not separate components.
 const CELL: f32 = 2.0;
 
-/// The pieces of some points, by falling size, of equal ones the one with the first point first; points rise within a
-/// piece. Points hang together when their cells touch, at a corner too (connected components of occupied voxels).
+/// Returns the connected components of some points, the largest first.
+///
+/// Components of equal size are ordered by their first point, and points are ascending within a
+/// component. Points are connected if their cells touch, including at a corner (connected
+/// components of occupied voxels).
 pub(super) fn pieces(positions: &[Vec3], spacing: f32, chosen: &[u32]) -> Vec<Vec<u32>> {
     let cell = |point: u32| {
         (positions[point as usize] / (CELL * spacing))

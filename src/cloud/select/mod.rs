@@ -1,4 +1,4 @@
-//! Points of a cloud chosen by what an eye sees of them, by label, by likeness and by pieces.
+//! Selection of points by visibility, by label, by similarity and by connected component.
 
 mod eye;
 mod grow;

@@ -14,10 +14,10 @@ use ostra_core::job::Progress;
 use ostra_frames::Frame;
 use ostra_masks::{LabelId, LabelTree, fill_polygons, stroke};
 
-/// One act of choosing points; a list of them is a selection that can be written down and made again.
+/// One step of a selection; a list of steps can be saved and run again.
 ///
-/// Commands carry the steps, not the indices of the points they choose, so that a recipe replayed on a cloud
-/// with other points makes the same selection there.
+/// Commands store the steps rather than the indices of the selected points, so that a recipe
+/// replayed on a cloud with other points makes the same selection there.
 #[expect(
     clippy::large_enum_variant,
     reason = "a selection holds a handful of steps"
@@ -25,46 +25,48 @@ use ostra_masks::{LabelId, LabelTree, fill_polygons, stroke};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SelectStep {
-    /// Adds the points that are seen in a region of a picture, or takes them out.
+    /// Adds the points visible in a region of the view, or removes them.
     Seen(SeenRegion),
     /// Adds all points of a label.
     Label(LabelId),
     /// Keeps only the points of a label.
     Only(LabelId),
-    /// Adds the points around that are alike.
+    /// Adds similar points around the selection.
     Grow(Likeness),
-    /// Keeps only the n-th largest piece, counted from 0: points that hang together.
+    /// Keeps only the n-th largest connected component, counted from 0.
     Piece(usize),
 }
 
-/// A lasso, a box or a brush stroke over what an eye sees.
+/// A lasso, box or brush stroke over the view from a viewpoint.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SeenRegion {
-    /// Who sees.
+    /// The viewpoint.
     pub eye: Eye,
-    /// Corners of the lasso or points of the stroke, in pixels of the eye's picture.
+    /// Corners of the lasso or points of the stroke, in pixels of the view.
     pub points_px: Vec<DVec2>,
-    /// Radius of the brush in pixels; 0 = the points are the corners of a lasso.
+    /// Radius of the brush in pixels; 0 means that the points are the corners of a lasso.
     #[serde(default)]
     pub radius_px: f64,
-    /// The points are taken out of the selection.
+    /// Whether the points are removed from the selection.
     #[serde(default)]
     pub remove: bool,
-    /// Labels (each with all below it) that are looked through.
+    /// Labels that are hidden, each with all its descendants.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub hidden: Vec<LabelId>,
-    /// The label beside which (and all below it) everything is looked through; `None` = nothing stands out.
+    /// The only label that is shown, with all its descendants; `None` shows all labels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub isolated: Option<LabelId>,
-    /// All but points whose label won less than this share of the votes are looked through, 0–1; `None` = nothing stands out.
+    /// If set, only points whose label won less than this share of the votes are shown, 0–1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub doubtful_below: Option<f32>,
-    /// What takes the part of world space that is there to be seen to the cube from −1 to 1; `None` = all of it.
+    /// Transform from world space to the cube from −1 to 1 that bounds the visible points.
+    ///
+    /// With `None`, all of world space is visible.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cube_from_world: Option<Mat4>,
 }
 
-/// A cloud made ready to choose points of it.
+/// A cloud that is prepared for selections.
 #[derive(Debug)]
 pub struct Selector {
     cloud: Arc<LabelledCloud>,
@@ -72,20 +74,21 @@ pub struct Selector {
     spacing: f32,
 }
 
-/// Chosen points of a cloud.
+/// Selected points of a cloud.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Selection {
-    /// Their indices, rising.
+    /// Indices of the points, in ascending order.
     pub points: Vec<u32>,
-    /// In how many pieces they are: each hangs together.
+    /// Number of connected components of the points.
     pub pieces: usize,
 }
 
 impl Selector {
-    /// Builds what looking up neighbours needs.
+    /// Creates a selector and builds its neighbour index.
     ///
     /// # Errors
-    /// [`SceneError::Request`] for a cloud of fewer than two places.
+    ///
+    /// Returns [`SceneError::Request`] if the cloud has fewer than two distinct points.
     pub fn new(cloud: Arc<LabelledCloud>) -> Result<Self, SceneError> {
         let neighbours = Neighbours::new(&cloud.positions);
         let made = neighbours.and_then(|near| Some((near.spacing(&cloud.positions)?, near)));
@@ -99,30 +102,34 @@ impl Selector {
         })
     }
 
-    /// The cloud.
+    /// Returns the cloud.
     #[must_use]
     pub fn cloud(&self) -> &Arc<LabelledCloud> {
         &self.cloud
     }
 
-    /// How far apart its points typically are, world units.
+    /// Returns the typical distance between neighbouring points, in world units.
     #[must_use]
     pub fn spacing(&self) -> f32 {
         self.spacing
     }
 
-    /// The point nearest to a place, with its distance.
+    /// Returns the index of the point nearest to a position, and its distance.
     #[must_use]
     pub fn nearest(&self, to: Vec3) -> (usize, f32) {
         self.neighbours.nearest(to)
     }
 
-    /// Carries out the steps one after the other, beginning with nothing chosen. `frames` are those that steps name as eyes;
-    /// `tree` says what lies below a hidden label. The same steps give the same points for any number of threads.
+    /// Runs the steps in order, starting with an empty selection.
+    ///
+    /// `frames` are those that steps refer to as viewpoints. `tree` determines the descendants of
+    /// hidden labels. The same steps give the same points for any number of threads.
     ///
     /// # Errors
-    /// [`SceneError::Request`] for an eye that is not there, a piece that is not there or numbers out of range;
-    /// [`SceneError::Mask`] for a lasso of no numbers; [`SceneError::Stopped`].
+    ///
+    /// Returns [`SceneError::Request`] if a viewpoint or component does not exist or a number is
+    /// out of range. Returns [`SceneError::Mask`] if a lasso is not made of numbers. Returns
+    /// [`SceneError::Stopped`] if the job is stopped.
     pub fn select(
         &self,
         frames: &[Frame],

@@ -12,7 +12,9 @@ const PLATE: LabelId = LabelId(1);
 const WALL: LabelId = LabelId(2);
 const STEP: f32 = 0.02;
 
-/// A plate of half a unit at z = 0 before a wall of two units at z = 1, both facing an eye at z = -3.
+/// Returns a plate of half a unit at z = 0 in front of a wall of two units at z = 1.
+///
+/// Both face a viewpoint at z = -3.
 fn scene() -> LabelledCloud {
     let square = |side: i32, z: f32| {
         let at = move |i: i32| (i - side / 2) as f32 * STEP;
@@ -74,7 +76,7 @@ fn chosen(cloud: &LabelledCloud, steps: &[SelectStep]) -> Result<Selection, Scen
     selector.select(&[], &cloud.tree, steps, &Progress::default())
 }
 
-/// Chosen points of the plate, and of the wall.
+/// Counts the selected points of the plate and of the wall.
 fn counts(cloud: &LabelledCloud, steps: &[SelectStep]) -> (usize, usize) {
     let points = chosen(cloud, steps).unwrap().points;
     let plate = points
@@ -84,7 +86,7 @@ fn counts(cloud: &LabelledCloud, steps: &[SelectStep]) -> (usize, usize) {
     (plate, points.len() - plate)
 }
 
-/// Points of the wall that the plate hides: those in its shadow.
+/// Counts the points of the wall that the plate occludes.
 fn shadowed(cloud: &LabelledCloud) -> usize {
     cloud
         .positions
@@ -94,7 +96,7 @@ fn shadowed(cloud: &LabelledCloud) -> usize {
 }
 
 #[test]
-fn points_behind_a_front_object_are_not_taken() {
+fn occluded_points_are_not_selected() {
     let cloud = scene();
     let (plate, wall) = counts(&cloud, &[SelectStep::Seen(everything())]);
     assert_eq!(plate, 625, "all of the plate");
@@ -117,7 +119,7 @@ fn points_behind_a_front_object_are_not_taken() {
 }
 
 #[test]
-fn hidden_labels_are_looked_through() {
+fn hidden_labels_do_not_occlude() {
     let cloud = scene();
     let hidden = SeenRegion {
         hidden: vec![PLATE],
@@ -127,7 +129,7 @@ fn hidden_labels_are_looked_through() {
 }
 
 #[test]
-fn what_does_not_stand_out_or_is_cut_away_is_looked_through() {
+fn filtered_and_clipped_points_do_not_occlude() {
     let cloud = scene();
     let isolated = SeenRegion {
         isolated: Some(WALL),
@@ -137,7 +139,7 @@ fn what_does_not_stand_out_or_is_cut_away_is_looked_through() {
         counts(&cloud, &[SelectStep::Seen(isolated)]),
         (0, 101 * 101)
     );
-    // Nobody was at odds about the plate.
+    // The vote on the plate was unanimous.
     let mut contested = scene();
     contested.confidence = contested
         .labels
@@ -152,7 +154,7 @@ fn what_does_not_stand_out_or_is_cut_away_is_looked_through() {
         counts(&contested, &[SelectStep::Seen(doubtful)]),
         (0, 101 * 101)
     );
-    // From z = 0.5 to z = 1.5, however far to the sides.
+    // From z = 0.5 to z = 1.5, without limits to the sides.
     let cube = Mat4::from_scale(Vec3::new(0.01, 0.01, 2.0)) * Mat4::from_translation(Vec3::NEG_Z);
     let cut = SeenRegion {
         cube_from_world: Some(cube),
@@ -162,7 +164,7 @@ fn what_does_not_stand_out_or_is_cut_away_is_looked_through() {
 }
 
 #[test]
-fn a_stroke_takes_what_it_passes_and_a_lasso_takes_out() {
+fn stroke_adds_points_and_lasso_removes_them() {
     let cloud = scene();
     let stroke = SeenRegion {
         radius_px: 8.0,
@@ -189,7 +191,7 @@ fn a_stroke_takes_what_it_passes_and_a_lasso_takes_out() {
 }
 
 #[test]
-fn one_label_alone() {
+fn only_keeps_the_points_of_one_label() {
     let cloud = scene();
     assert_eq!(
         counts(
@@ -202,7 +204,7 @@ fn one_label_alone() {
 }
 
 #[test]
-fn growth_stops_where_the_surface_turns_or_the_colour_changes() {
+fn growth_stops_at_normal_and_colour_changes() {
     let mut cloud = scene();
     let seed = SelectStep::Seen(lasso(&[
         [195.0, 195.0],
@@ -259,7 +261,7 @@ fn growth_stops_where_the_surface_turns_or_the_colour_changes() {
 }
 
 #[test]
-fn pieces_come_by_size() {
+fn components_are_ordered_by_size() {
     let cloud = scene();
     let all = [SelectStep::Label(PLATE), SelectStep::Label(WALL)];
     assert_eq!(chosen(&cloud, &all).unwrap().pieces, 2);
@@ -280,7 +282,7 @@ fn pieces_come_by_size() {
 }
 
 #[test]
-fn an_eye_that_is_not_there_is_named() {
+fn missing_viewpoint_is_named_in_the_error() {
     let nowhere = SeenRegion {
         eye: Eye::Frame(7),
         ..everything()
@@ -293,7 +295,7 @@ fn an_eye_that_is_not_there_is_named() {
 }
 
 #[test]
-fn a_selection_is_written_as_a_person_would() {
+fn selection_steps_survive_a_json_round_trip() {
     let text = r#"[{"seen":{"eye":{"frame":3},"points_px":[[1.0,2.0],[3.0,2.0],[3.0,4.0]]}},{"only":2},{"grow":{"color":5.0}},{"piece":0}]"#;
     let steps: Vec<SelectStep> = serde_json::from_str(text).unwrap();
     let again: Vec<SelectStep> =
@@ -314,7 +316,7 @@ fn a_selection_is_written_as_a_person_would() {
 }
 
 #[test]
-fn labels_below_a_hidden_one_are_hidden_too() {
+fn descendants_of_a_hidden_label_are_hidden() {
     let mut cloud = scene();
     let mut tree = LabelTree::default();
     for (id, parent) in [(5, None), (1, Some(5)), (2, None)] {

@@ -5,34 +5,39 @@ use wide::f32x8;
 
 use super::measured::{Facing, Pixel};
 
-/// Voxels along an edge of a block.
+/// Number of voxels along an edge of a block.
 pub(super) const EDGE: usize = 8;
-/// Rows of voxels in a block.
+/// Number of voxel rows in a block.
 pub(super) const ROWS: usize = EDGE * EDGE;
-/// Sum of weights beyond which a mean moves no more slowly.
+/// Cap on the sum of weights, which keeps the mean from changing ever more slowly.
 const MOST_WEIGHT: f32 = 255.0;
-/// What a frame counts that sees far past a voxel: at the rim of something thin half a pixel decides whether it does.
+/// Weight factor of a frame that sees far past a voxel.
+///
+/// At the rim of a thin object, half a pixel decides whether a frame does.
 const PAST: f32 = 0.05;
-/// Times better that one layer of a voxel was seen than another that then is none.
+/// Ratio of visibility between the two layers of a voxel above which the worse one is ignored.
 const FAR_WORSE: u8 = 4;
-/// Steps of a share of a colour.
+/// Number of steps of the share of a colour in its mean.
 const SHARES: f32 = 32768.0;
 
-/// A cube of voxels, x running fastest. A voxel is a sample at its lower corner, in up to two layers: a thin sheet is seen
-/// from both sides, and what is before it from the one is behind it from the other (after M. Splietker, S. Behnke,
-/// *Directional TSDF: Modeling Surface Orientation for Coherent Meshes*, IROS 2019, with two sides a voxel for six in all).
+/// A cube of voxels in memory order x, then y, then z, where each voxel has up to two layers.
+///
+/// A voxel is a sample at its lower corner. Two layers are needed because a thin sheet is seen from
+/// both sides, and the space in front of it from one side is behind it from the other. This follows
+/// M. Splietker, S. Behnke, *Directional TSDF: Modeling Surface Orientation for Coherent Meshes*,
+/// IROS 2019, but with two sides per voxel instead of six in all.
 #[derive(Debug)]
 pub(super) struct Block {
-    /// Place of the block, in blocks from the volume's origin.
+    /// Position of the block, in blocks from the volume's origin.
     pub(super) place: IVec3,
-    /// The number of the last frame that came near.
+    /// The number of the last frame that came near the block.
     pub(super) frame: u32,
     first: Box<Layer>,
-    /// Made where something is seen from two sides.
+    /// Allocated where a surface is seen from two sides.
     second: Option<Box<Layer>>,
 }
 
-/// One side of the surfaces near a block's samples.
+/// One side of the surfaces near the samples of a block.
 #[derive(Debug, Clone)]
 struct Layer {
     rows: [Row; ROWS],
@@ -41,36 +46,38 @@ struct Layer {
 /// The samples of a row.
 #[derive(Debug, Clone, Copy)]
 struct Row {
-    /// Signed distance from the surface in truncations, −1 (behind) to 1 (before); the mean of what frames say.
+    /// Signed distance from the surface in truncations, averaged over frames.
+    ///
+    /// It ranges from −1 (behind) to 1 (in front).
     distance: [f32; EDGE],
-    /// Sum of the frames' weights; 0 = unseen.
+    /// Sum of the frames' weights; 0 is unseen.
     weight: [f32; EDGE],
-    /// Mean colour in steps of 1/256 of sRGB's.
+    /// Mean colour in sRGB, in steps of 1/256 of a channel unit.
     color: [[u16; 3]; EDGE],
-    /// The normal of the frame that saw most of it.
+    /// The normal from the frame with the best view of the sample.
     normal: [Facing; EDGE],
-    /// That frame's weight in steps of 1/255.
+    /// The `sight` of that frame's pixel, in steps of 1/255.
     sight: [u8; EDGE],
 }
 
 /// One side of a surface near a sample.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Voxel {
-    /// Signed distance from the surface in truncations, −1 (behind) to 1 (before).
+    /// Signed distance from the surface in truncations, −1 (behind) to 1 (in front).
     pub(super) distance: f32,
     /// Sum of the frames' weights, above 0.
     pub(super) weight: f32,
-    /// Towards those who saw it.
+    /// Normal towards the frames that saw the surface.
     pub(super) normal: Facing,
-    /// In steps of 1/256 of sRGB's.
+    /// Colour in sRGB, in steps of 1/256 of a channel unit.
     pub(super) color: [u16; 3],
 }
 
-/// What a frame says of the voxels of a row.
+/// A frame's measurements of the voxels of a row.
 pub(super) struct Said<'a> {
-    /// Which voxels it says something of: all bits set.
+    /// Mask of the measured voxels: all bits set.
     pub(super) of: f32x8,
-    /// Signed distance from the surface in truncations, −1 to 1; 1 is far before it.
+    /// Signed distance from the surface in truncations, −1 to 1; 1 is far in front of it.
     pub(super) distance: f32x8,
     pub(super) weight: f32x8,
     /// The pixel that sees each voxel.
@@ -78,14 +85,14 @@ pub(super) struct Said<'a> {
 }
 
 impl Voxel {
-    /// sRGB.
+    /// Returns the colour in sRGB.
     pub(super) fn color(&self) -> Vec3 {
         Vec3::from_array(self.color.map(f32::from)) / 256.0
     }
 }
 
 impl Block {
-    /// What a block with one layer takes.
+    /// Size in bytes of a block with one layer.
     pub(super) const BYTES: usize = size_of::<Self>() + size_of::<Layer>();
 
     pub(super) fn new(place: IVec3) -> Self {
@@ -97,8 +104,9 @@ impl Block {
         }
     }
 
-    /// The layers of a voxel that are sides of a surface: where one was seen well, another that was only seen from its rim
-    /// is none.
+    /// Returns the layers of a voxel that are sides of a surface.
+    ///
+    /// If one layer was seen well, the other one is ignored if it was only seen from its rim.
     pub(super) fn sides(&self, voxel: usize) -> [Option<Voxel>; 2] {
         let (first, first_sight) = self.first.at(voxel);
         let Some(second) = &self.second else {
@@ -112,7 +120,7 @@ impl Block {
         ]
     }
 
-    /// On which side of surfaces its samples lie.
+    /// Returns the side of the surface that each sample is on.
     pub(super) fn signs(&self) -> Signs {
         let mut signs = Signs {
             behind: [0; ROWS],
@@ -132,7 +140,7 @@ impl Block {
         signs
     }
 
-    /// Adds what a frame says of the voxels of a row.
+    /// Adds a frame's measurements of the voxels of a row.
     pub(super) fn update(&mut self, row: usize, said: &Said<'_>) {
         let past = said.of & said.distance.simd_ge(f32x8::ONE);
         let near = said.of & said.distance.simd_lt(f32x8::ONE);
@@ -146,7 +154,9 @@ impl Block {
         }
     }
 
-    /// 1 in the lanes, of those given, whose pixels look at the side of the surface that the second layer has, else 0.
+    /// Returns 1 in the lanes whose pixels see the side of the second layer, otherwise 0.
+    ///
+    /// Only the given lanes are examined.
     fn of_second(&self, row: usize, lanes: u32, said: &Said<'_>) -> f32x8 {
         let mut of_second = [0.0; EDGE];
         let first = &self.first.rows[row];
@@ -164,7 +174,7 @@ impl Block {
         f32x8::new(of_second)
     }
 
-    /// What the block takes.
+    /// Returns the size of the block in bytes.
     pub(super) fn bytes(&self) -> usize {
         size_of::<Self>() + (1 + usize::from(self.second.is_some())) * size_of::<Layer>()
     }
@@ -184,7 +194,7 @@ impl Layer {
         })
     }
 
-    /// A voxel, where it was seen, and how well it was.
+    /// Returns a voxel, if it was seen, and how well it was seen.
     fn at(&self, voxel: usize) -> (Option<Voxel>, u8) {
         let (row, x) = (&self.rows[voxel / EDGE], voxel % EDGE);
         if row.weight[x] <= 0.0 {
@@ -205,8 +215,9 @@ impl Layer {
 }
 
 impl Row {
-    /// Takes what is said of the lanes `near` as of this side; lanes `past` are pulled away from the surface where it was
-    /// seen.
+    /// Adds the measurements of the lanes `near` to this side.
+    ///
+    /// Lanes in `past` move away from the surface if it was seen there.
     fn update(&mut self, near: f32x8, past: f32x8, said: &Said<'_>) {
         let old = f32x8::new(self.weight);
         let past = past & old.simd_gt(f32x8::ZERO);
@@ -229,7 +240,7 @@ impl Row {
         }
     }
 
-    /// Takes a share of a pixel's colour, and its normal if none saw better.
+    /// Blends in a share of a pixel's colour, and takes its normal if it has the best view so far.
     fn see(&mut self, lane: usize, pixel: &Pixel, share: i32) {
         for (mean, new) in self.color[lane].iter_mut().zip(pixel.color) {
             let change = (i32::from(new) << 8) - i32::from(*mean);
@@ -241,7 +252,7 @@ impl Row {
     }
 }
 
-/// The numbers of the bits that are set.
+/// Returns the indices of the set bits.
 pub(super) fn lanes_in(mut bits: u32) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let lane = (bits != 0).then(|| bits.trailing_zeros() as usize);
@@ -250,15 +261,17 @@ pub(super) fn lanes_in(mut bits: u32) -> impl Iterator<Item = usize> {
     })
 }
 
-/// Place of a voxel within its block.
+/// Returns the index of a voxel within its block.
 pub(super) const fn voxel_at(x: usize, y: usize, z: usize) -> usize {
     (z * EDGE + y) * EDGE + x
 }
 
-/// Samples along an edge of a block with those of the next blocks that its cells need.
+/// Number of samples along an edge of a block and its cells.
+///
+/// It includes those of the next block that the cells need.
 const SPAN: usize = EDGE + 1;
 
-/// Which samples of a block some layer has behind a surface, and which before it: a bit for each of a row.
+/// The samples of a block that some layer has behind or in front of a surface, one bit per sample.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Signs {
     behind: [u8; ROWS],
@@ -272,7 +285,7 @@ pub(super) struct SignsAround {
 }
 
 impl SignsAround {
-    /// `around`: the block itself and those after it, by their corner's number.
+    /// Combines the signs of a block and of those after it, ordered by the number of their corner.
     pub(super) fn new(around: [Option<&Signs>; 8]) -> Self {
         let mut signs = Self {
             behind: [0; SPAN * SPAN],
@@ -294,7 +307,9 @@ impl SignsAround {
         signs
     }
 
-    /// For the samples of a row, along x, y and z, those between which and the next a surface may be.
+    /// Returns the samples of a row that may have a surface crossing, along x, y and z.
+    ///
+    /// The crossing is between the sample and the next one along the axis.
     pub(super) fn edges(&self, row: usize) -> [u8; 3] {
         let at = row / EDGE * SPAN + row % EDGE;
         let (behind, before) = (self.behind[at], self.before[at]);
@@ -305,7 +320,9 @@ impl SignsAround {
         [(behind >> 1, before >> 1), next_row(1), next_row(SPAN)].map(crossing)
     }
 
-    /// The cells of a row through which a surface may go: all corners were seen, and on both sides of it.
+    /// Returns the cells of a row that a surface may cross.
+    ///
+    /// All corners of such a cell were seen, on both sides of the surface.
     pub(super) fn cells(&self, row: usize) -> u8 {
         let at = row / EDGE * SPAN + row % EDGE;
         let rows = [at, at + 1, at + SPAN, at + SPAN + 1];

@@ -1,4 +1,4 @@
-//! Triangles cut out of the volume, case by case of a cell's corner signs.
+//! Extraction of triangles from the volume, by the signs of a cell's corners.
 
 use std::sync::LazyLock;
 
@@ -10,23 +10,25 @@ use super::measured::Facing;
 use super::sparse_volume::Volume;
 use ostra_core::job::{Progress, Stopped};
 
-/// Voxels by which the distance changes at most from one voxel to the next where a surface is. It changes by more where what
-/// is hidden behind something ends beside what is seen free: there is none.
+/// Maximum change of distance between neighbouring voxels at a surface, in voxels.
+///
+/// The distance changes by more where an occluded region ends next to free space; there is no
+/// surface there.
 const STEEPEST: f32 = 2.0;
 
-/// A surface as it comes out of a volume: vertices by block and edge, triangles by cell.
+/// A surface as extracted from a volume: vertices by block and edge, triangles by cell.
 #[derive(Debug, Default)]
 pub(super) struct Raw {
     pub(super) positions: Vec<Vec3>,
     pub(super) colors: Vec<[u8; 3]>,
-    /// What frames saw of each vertex: the sum of their weights.
+    /// How well each vertex was seen: the sum of the weights of frames.
     pub(super) weights: Vec<f32>,
     pub(super) triangles: Vec<[u32; 3]>,
 }
 
-/// The vertices on one block's own edges.
+/// The vertices on the edges that belong to one block.
 struct Vertices {
-    /// Edges that have one, rising: three a voxel, each in two layers.
+    /// Edges with a vertex, in ascending order: three per voxel, each in two layers.
     edges: Vec<u16>,
     positions: Vec<Vec3>,
     colors: Vec<[u8; 3]>,
@@ -36,20 +38,22 @@ struct Vertices {
 /// A sample in its two layers.
 type Layers = [Option<Voxel>; 2];
 
-/// A block and those after it, by their corner's number.
+/// A block and those after it, by the number of their corner.
 struct Around<'a> {
     numbers: [Option<usize>; 8],
     blocks: [Option<&'a Block>; 8],
-    /// Where the first begins in the world.
+    /// The first corner of the block in world space.
     corner: DVec3,
 }
 
-/// One side of the surface in a cell: the layer of each corner, and the corner's sample there.
+/// One side of the surface in a cell: for each corner, the layer and its sample.
 type Side = [(usize, Voxel); CORNERS];
 
 impl Volume {
-    /// The surface between voxels before and behind it, where all corners of a cell were seen and the surface often enough.
-    /// The same volume gives the same triangles for any number of threads.
+    /// Extracts the surface between voxels in front of it and behind it.
+    ///
+    /// A cell contributes triangles if all its corners were seen, and the surface often enough. The
+    /// same volume gives the same triangles for any number of threads.
     pub(super) fn extract(self, progress: &Progress) -> Result<Raw, Stopped> {
         let signs: Vec<Signs> = self.blocks.par_iter().map(Block::signs).collect();
         let vertices: Vec<Vertices> = self
@@ -72,7 +76,7 @@ impl Volume {
                 Ok(self.triangles_of(block, &signs, &vertices, &first))
             })
             .collect::<Result<_, Stopped>>()?;
-        // The volume is by far the largest part.
+        // The volume is by far the largest allocation.
         drop((self, signs));
         let count = first[first.len() - 1] as usize;
         let mut raw = Raw {
@@ -122,7 +126,7 @@ impl Volume {
         found
     }
 
-    /// The vertices, of up to two layers, between a voxel and the next along an axis.
+    /// Adds the vertices, in up to two layers, between a voxel and the next along an axis.
     fn vertices_on(
         &self,
         around: &Around<'_>,
@@ -190,12 +194,14 @@ impl Volume {
     }
 }
 
-/// The corner of a cube that a number's three bits name.
+/// Returns the corner of a cube that is encoded by the three bits of `number`.
 fn corner(number: i32) -> IVec3 {
     IVec3::new(number & 1, number >> 1 & 1, number >> 2)
 }
 
-/// The number of the block after the first that a place from the first's first voxel lies in, and its voxel there.
+/// Returns the number of the block that contains a voxel, and the voxel's index in it.
+///
+/// `place` is relative to the first voxel of the first block.
 fn split(place: IVec3) -> (usize, usize) {
     let [x, y, z] = place.to_array().map(|along| along as usize);
     (
@@ -212,7 +218,9 @@ fn place_of(voxel: usize) -> IVec3 {
     )
 }
 
-/// The layer that looks most to where a normal does, if one may be the same side of the surface.
+/// Returns the layer whose normal agrees best with `normal`.
+///
+/// Returns `None` if no layer can be the same side of the surface.
 fn same_side(layers: Layers, normal: Facing) -> Option<(usize, Voxel)> {
     let agreement = |layer: Option<Voxel>| layer.map_or(i32::MIN, |layer| layer.normal.dot(normal));
     let [first, second] = layers.map(agreement);
@@ -228,13 +236,15 @@ impl Around<'_> {
         )
     }
 
-    /// The layers of a sample, by its place from the first block's first.
+    /// Returns the layers of a sample, whose position is relative to the first voxel.
     fn at(&self, place: IVec3) -> Layers {
         let (next, voxel) = split(place);
         self.blocks[next].map_or([None; 2], |block| block.sides(voxel))
     }
 
-    /// The block that an edge of the cell at `place` belongs to, and the edge's number in it and in a layer.
+    /// Returns the block that owns an edge of a cell, and the number of that edge.
+    ///
+    /// The cell is at `place`. The number identifies the edge within the block and the layer.
     fn edge(&self, place: IVec3, edge: CellEdge, layer: usize) -> Option<(usize, u16)> {
         let (next, voxel) = split(place + corner(i32::from(edge.corner)));
         Some((
@@ -243,7 +253,7 @@ impl Around<'_> {
         ))
     }
 
-    /// The sides of the surface that all corners of a cell have seen.
+    /// Returns the sides of the surface that all corners of a cell have seen.
     fn sides_of_cell(&self, place: IVec3) -> [Option<Side>; 2] {
         let mut corners = [[None; 2]; CORNERS];
         for (layers, number) in corners.iter_mut().zip(0..) {
@@ -258,7 +268,8 @@ impl Around<'_> {
             Some(side)
         };
         let [first, second] = corners[0].map(side);
-        // Where both layers of the first corner lead to the same ones elsewhere there is one side.
+        // If both layers of the first corner lead to the same layers at another corner, there is
+        // only one side.
         let is_other = |second: &Side| {
             first.is_none_or(|first| (1..CORNERS).all(|at| first[at].0 != second[at].0))
         };
@@ -266,24 +277,27 @@ impl Around<'_> {
     }
 }
 
-/// Corners of a cell: corner `c` lies at (c & 1, c >> 1 & 1, c >> 2 & 1).
+/// Corners of a cell: corner `c` is at (c & 1, c >> 1 & 1, c >> 2 & 1).
 const CORNERS: usize = 8;
 
-/// An edge of a cell: from a corner one step along an axis.
+/// An edge of a cell: one step along an axis from a corner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct CellEdge {
-    /// The corner at which it begins.
+    /// The corner where the edge starts.
     corner: u8,
     /// 0 = x, 1 = y, 2 = z.
     axis: u8,
 }
 
-/// For each set of corners behind the surface (bit `c` = corner `c`), the triangles that part them from the others, each
-/// by three edges, counterclockwise seen from before the surface.
+/// Triangles for each set of corners behind the surface (bit `c` = corner `c`).
 ///
-/// The triangles are found from the cell itself: on each face, every run of corners behind the surface is cut off by one
-/// line; the lines of all faces close to loops. Two cells that share a face draw the same lines on it, so the surface has
-/// no cracks. (W. Lorensen, H. Cline, *Marching Cubes*, SIGGRAPH 1987.)
+/// The triangles separate these corners from the others. Each is given by three edges,
+/// counterclockwise seen from in front of the surface.
+///
+/// They are derived from the cell itself. On each face, every run of corners behind the surface is
+/// cut off by one line; the lines of all faces form closed loops. Two cells that share a face have
+/// the same lines on it, so the surface has no cracks. (W. Lorensen, H. Cline, *Marching Cubes*,
+/// SIGGRAPH 1987.)
 static CASES: LazyLock<Vec<Vec<[CellEdge; 3]>>> = LazyLock::new(|| {
     (0..1 << CORNERS)
         .map(|behind: u32| triangles(behind))
@@ -321,7 +335,7 @@ fn triangles(behind: u32) -> Vec<[CellEdge; 3]> {
     triangles
 }
 
-/// The lines that cut each run of corners behind the surface off a face.
+/// Returns the lines that cut each run of corners behind the surface off a face.
 fn lines_on(face: &[u8; 4], behind: u32) -> Vec<(CellEdge, CellEdge)> {
     let is_behind = |at: usize| behind >> face[at % 4] & 1 == 1;
     let begins = (0..4).filter(|&at| !is_behind(at) && is_behind(at + 1));
@@ -351,7 +365,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_case_parts_its_corners_and_closes_over_the_faces() {
+    fn every_case_separates_its_corners_without_cracks() {
         for behind in 0..256u32 {
             let triangles = &CASES[behind as usize];
             let crossed = |edge: &CellEdge| {
@@ -368,7 +382,8 @@ mod tests {
                     "{behind:08b} {edge:?}"
                 );
             }
-            // A side of a triangle is met by one the other way, or lies on a face of the cell.
+            // A triangle side is matched by one in the opposite direction, or lies on a face of the
+            // cell.
             let sides: Vec<_> = triangles
                 .iter()
                 .flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)])
@@ -387,7 +402,7 @@ mod tests {
     }
 
     #[test]
-    fn the_surface_looks_away_from_what_is_behind_it() {
+    fn triangle_normals_point_away_from_corners_behind() {
         let middle = |edge: CellEdge| {
             let at = |bit: u8| f32::from(edge.corner >> bit & 1);
             glam::Vec3::new(at(0), at(1), at(2)) + glam::Vec3::AXES[usize::from(edge.axis)] * 0.5

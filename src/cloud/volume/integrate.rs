@@ -7,23 +7,29 @@ use super::measured::{Measured, Pixel};
 use super::sparse_volume::Volume;
 use ostra_core::job::{Progress, Stopped};
 
-/// Numbers in a vector.
+/// Number of values in a SIMD vector.
 const LANES: usize = 8;
-/// The numbers of a vector's lanes.
+/// Indices of the lanes of a vector.
 const RAMP: f32x8 = f32x8::new([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
-/// Pixels along the edge of a tile whose pixels fit into a core's cache: 64 × 64 of 20 bytes are 80 KiB.
+/// Edge length in pixels of an image tile that fits into the cache of a core.
+///
+/// 64 × 64 pixels of 20 bytes are 80 KiB.
 const TILE: u32 = 64;
-/// Rows of pixels that one task looks at for blocks near what they see.
+/// Number of pixel rows that one task searches for nearby blocks.
 const BAND: usize = 32;
-/// Blocks found lately that are remembered, so that few are found again.
+/// Number of recently found blocks that are remembered, to avoid most duplicates.
 const RECENT: usize = 1 << 12;
-/// Behind the surface, from this share of the truncation on, a frame's word counts less and less: what it sees there may
-/// be another side of something thin.
+/// Share of the truncation behind the surface from which the weight of a frame decreases.
+///
+/// The space behind the surface may be in front of another side of a thin object.
 const FULL_BEHIND: f32 = 0.25;
 
 impl Volume {
-    /// Adds one frame: to each voxel near what it sees, the distance along the surface's normal (B. Curless, M. Levoy, *A
-    /// Volumetric Method for Building Complex Models from Range Images*, SIGGRAPH 1996).
+    /// Adds one frame to the volume.
+    ///
+    /// Each voxel near the visible surface receives its distance along the surface normal (B.
+    /// Curless, M. Levoy, *A Volumetric Method for Building Complex Models from Range Images*,
+    /// SIGGRAPH 1996).
     pub(super) fn add(&mut self, frame: &Measured, progress: &Progress) -> Result<(), Stopped> {
         self.frames += 1;
         let places = self.near(frame);
@@ -41,14 +47,15 @@ impl Volume {
             .filter(|block| block.frame == number)
             .map(|block| (sight(block), block))
             .collect();
-        // The pixels of a whole picture do not fit into a core's cache: blocks in front of the same ones follow each other.
+        // The pixels of a whole image do not fit into the cache of a core, so blocks in front of
+        // the same pixels are processed together.
         seen.par_sort_unstable_by_key(|(sight, block)| (sight.tile(), block.place.to_array()));
         seen.into_par_iter()
             .for_each(|(sight, block)| sight.update(block));
         progress.check()
     }
 
-    /// The places of all blocks within the truncation of what a frame sees, in order.
+    /// Returns the positions of all blocks within the truncation of a frame's surface, in order.
     fn near(&self, frame: &Measured) -> Vec<IVec3> {
         let world_from_camera = frame.rotation.transpose();
         let centre = (world_from_camera * -frame.translation - self.origin) / self.options.voxel;
@@ -73,14 +80,14 @@ impl Volume {
     }
 }
 
-/// Finds the blocks near what a frame sees.
+/// Finds the blocks near the surface that a frame sees.
 struct NearBlocks<'a> {
     frame: &'a Measured,
-    /// The camera's place, in voxels.
+    /// The camera centre, in voxels.
     centre: Vec3,
-    /// Voxels from camera space: the rotation over the size of a voxel.
+    /// Rotation from camera space, divided by the voxel size.
     grid_from_camera: Mat3,
-    /// Distance along a ray before and behind a surface, world units.
+    /// Distance along a ray in front of and behind a surface, in world units.
     reach: f32,
 }
 
@@ -114,7 +121,7 @@ impl NearBlocks<'_> {
         }
     }
 
-    /// The first and the last block along each axis near the surfaces at these depths on these rays.
+    /// Returns the first and the last block along each axis near the surfaces at these depths.
     fn blocks(&self, [x, y]: [f32x8; 2], depth: f32x8) -> [[[i32; LANES]; 3]; 2] {
         let reach = f32x8::splat(self.reach) / (x * x + y * y + f32x8::ONE).sqrt();
         let mut blocks = [[[0; LANES]; 3]; 2];
@@ -134,20 +141,22 @@ impl NearBlocks<'_> {
     }
 }
 
-/// Rounds down. Without the processor's own instruction `floor` is a call for every number.
+/// Rounds down.
+///
+/// Without the processor's own instruction, `floor` is a function call per number.
 fn floor(at: f32x8) -> [i32; LANES] {
     let whole = at.fast_trunc_int();
-    // A comparison that holds is −1 as an integer.
+    // A true comparison is −1 as an integer.
     let above: i32x8 = bytemuck::cast(whole.round_float().simd_gt(at));
     (whole + above).to_array()
 }
 
-/// Places of blocks, nearly each of them once.
+/// Positions of blocks, with few duplicates.
 struct Places {
     found: Vec<IVec3>,
-    /// What was added last: most pixels see the blocks that the one before saw.
+    /// The range added last. Most pixels see the same blocks as the previous pixel.
     last: (IVec3, IVec3),
-    /// The last one found among those that share a few bits.
+    /// The last block found for each hash of a few bits of its position.
     recent: Vec<IVec3>,
 }
 
@@ -181,10 +190,10 @@ impl Places {
     }
 }
 
-/// A block as one frame sees it.
+/// A block in the camera space of one frame.
 struct Sight<'a> {
     frame: &'a Measured,
-    /// The block's first voxel in camera space, and the steps to the next in x, y, z.
+    /// The first voxel of the block in camera space; `steps` lead to the next one in x, y and z.
     corner: Vec3,
     steps: [Vec3; 3],
     truncation: f32,
@@ -206,13 +215,15 @@ impl<'a> Sight<'a> {
         }
     }
 
-    /// Which tile of the picture sees the block's centre, counted in rows; those beside the picture are counted with its rim.
+    /// Returns the image tile that sees the centre of the block, counted in rows.
+    ///
+    /// Blocks outside the image count as part of its border tiles.
     fn tile(&self) -> u32 {
         let half = EDGE as f32 / 2.0;
         let centre = self.corner + (self.steps[0] + self.steps[1] + self.steps[2]) * half;
         let at_px = centre.truncate() / centre.z * self.frame.focal + self.frame.principal;
         let last = Vec2::new(self.frame.width as f32, self.frame.height as f32);
-        // Conversion saturates, and makes 0 of what is not a number.
+        // The conversion saturates and turns NaN into 0.
         let tile = |at: f32, last: f32| at.min(last) as u32 / TILE;
         tile(at_px.y, last.y) * (self.frame.width as u32 / TILE + 1) + tile(at_px.x, last.x)
     }
@@ -228,7 +239,9 @@ impl<'a> Sight<'a> {
         }
     }
 
-    /// What the frame says of the voxels of the row that begins here, in camera space.
+    /// Returns the frame's measurements of a row of voxels.
+    ///
+    /// The row starts at `first` in camera space.
     fn row(&self, first: Vec3) -> Option<Said<'a>> {
         let along = |first: f32, step: f32| f32x8::splat(first) + RAMP * f32x8::splat(step);
         let [x, y, z] = [0, 1, 2].map(|axis| along(first[axis], self.steps[0][axis]));

@@ -4,7 +4,9 @@ use rayon::prelude::*;
 use ostra_frames::{DepthMap, Image};
 use ostra_geometry::{Camera, Distortion, Pose};
 
-/// What one frame measured, ready to be added to a volume: a picture without lens distortion, pixel for pixel.
+/// The measurements of one frame, ready to be added to a volume.
+///
+/// The image has no lens distortion and is pixel-aligned with the depths.
 pub(super) struct Measured {
     pub(super) width: usize,
     pub(super) height: usize,
@@ -15,20 +17,22 @@ pub(super) struct Measured {
     pub(super) translation: DVec3,
 }
 
-/// One pixel's part of the surface.
+/// The surface seen by one pixel.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Pixel {
-    /// Along the optical axis, world units; 0 = nothing that counts.
+    /// Depth along the optical axis, in world units; 0 if there is no valid depth.
     pub(super) depth: f32,
-    /// Distance from the surface's tangent plane for one unit of depth before it, 0–1.
+    /// Distance from the tangent plane of the surface per unit of depth in front of it, 0–1.
     pub(super) slant: f32,
-    /// Squared cosine between the ray and the surface's normal, 0–1, and the same in steps of 1/255.
+    /// Squared cosine between the ray and the surface normal, 0–1.
+    ///
+    /// `sight` is the same in steps of 1/255.
     pub(super) weight: f32,
     pub(super) sight: u8,
-    /// Of the surface, in the world, towards the camera.
+    /// Normal of the surface in world space, towards the camera.
     pub(super) normal: Facing,
     pub(super) color: [u8; 3],
-    /// Whether voxels are wanted here.
+    /// Whether voxels are allocated near this pixel.
     pub(super) wanted: bool,
 }
 
@@ -39,32 +43,37 @@ pub(super) struct Facing([i8; 3]);
 impl Facing {
     /// No direction.
     pub(super) const NONE: Self = Self([0; 3]);
-    /// Surfaces whose normals' product is up to this are two sides of something thin: a cosine of −0.3.
+    /// Maximum dot product of the normals on two sides of a thin object: a cosine of −0.3.
     pub(super) const SAME_SIDE: i32 = -(127 * 127 * 3 / 10);
 
     fn new(unit: Vec3) -> Self {
         Self(unit.to_array().map(|along| (along * 127.0) as i8))
     }
 
-    /// Cosine in steps of 1/127².
+    /// Returns the cosine in steps of 1/127².
     pub(super) fn dot(self, other: Self) -> i32 {
         let product = |axis: usize| i32::from(self.0[axis]) * i32::from(other.0[axis]);
         product(0) + product(1) + product(2)
     }
 }
 
-/// Surfaces seen flatter than this count as seen at it: a cosine.
+/// Minimum cosine of the viewing angle; surfaces seen at a flatter angle are clamped to it.
 const FLATTEST: f32 = 0.1;
 
-/// Pixels on each side over which the slope of a surface is taken: a sensor's noise of one pixel would tilt it at random.
+/// Number of pixels on each side for estimating the slope of a surface.
+///
+/// With a single pixel, sensor noise would tilt the surface at random.
 const REACH: usize = 3;
 
-/// What a pixel counts whose neighbours on both sides are another surface: it stands at a rim, where nothing is known of
-/// how the surface goes on.
+/// Weight factor of a pixel whose neighbours on both sides along one axis are another surface.
+///
+/// Such a pixel is at a rim, where the continuation of the surface is unknown.
 const AT_A_RIM: f32 = 0.1;
 
 impl Measured {
-    /// `wanted`: whether voxels are made where a pixel of the frame sees something; `pixels` reuses the
+    /// Prepares a frame.
+    ///
+    /// `wanted` returns whether voxels are allocated near a pixel of the frame. `pixels` reuses the
     /// memory of an earlier frame.
     pub(super) fn new(
         (camera, pose): (&Camera, &Pose),
@@ -104,7 +113,7 @@ impl Measured {
                 return Pixel::default();
             };
             let ray = (Vec2::new(x as f32, y as f32) + 0.5 - principal) / focal;
-            // On a plane the inverse depth is linear in the ray: n · (x, y, 1) = 1 / depth.
+            // On a plane, the inverse depth is linear in the ray: n · (x, y, 1) = 1 / depth.
             let across = slope * focal;
             let normal = across.extend(inverse[at] - across.dot(ray));
             let slant = inverse[at] / normal.length();
@@ -146,7 +155,7 @@ impl Measured {
     }
 }
 
-/// The camera without its distortion; the picture keeps its size.
+/// Returns the camera without its distortion; the image size stays the same.
 fn straightened(camera: &Camera) -> Camera {
     Camera {
         distortion: Distortion::None,
@@ -154,7 +163,9 @@ fn straightened(camera: &Camera) -> Camera {
     }
 }
 
-/// For each pixel of the straight picture the pixel of the real one that sees the same; `None` outside.
+/// Maps the pixels of the undistorted image to those of the original one.
+///
+/// Pixels outside the original image map to `None`.
 fn pixels_seen(straight: &Camera, camera: &Camera) -> Vec<Option<usize>> {
     let seen = |at: usize| {
         let (x, y) = (at % camera.width as usize, at / camera.width as usize);
@@ -170,18 +181,19 @@ fn pixels_seen(straight: &Camera, camera: &Camera) -> Vec<Option<usize>> {
         .collect()
 }
 
-/// How inverse depths change from pixel to pixel.
+/// Change of inverse depth from pixel to pixel.
 struct Slopes<'a> {
     width: usize,
     height: usize,
-    /// 0 = unknown.
+    /// Inverse depth per pixel; 0 is unknown.
     inverse: &'a [f32],
     tolerance: f32,
 }
 
 impl Slopes<'_> {
-    /// The change for a step right and down, along the neighbours on the same surface, and how much it can be trusted, 0–1;
-    /// `None` without such neighbours.
+    /// Returns the change for a step right and down over neighbours on the same surface.
+    ///
+    /// Also returns the certainty, 0–1. Returns `None` without such neighbours.
     fn at(&self, x: usize, y: usize) -> Option<(Vec2, f32)> {
         let at = y * self.width + x;
         if self.inverse[at] == 0.0 {
@@ -199,8 +211,11 @@ impl Slopes<'_> {
         }
     }
 
-    /// The change for a step of so many pixels, of which there are as many before and after: between the farthest neighbours
-    /// on the same surface.
+    /// Returns the change per pixel along one axis.
+    ///
+    /// It is measured between the farthest neighbours on the same surface.
+    ///
+    /// `step` is the index offset of one pixel; `before` and `after` count the pixels on each side.
     fn along(&self, at: usize, step: usize, [before, after]: [usize; 2]) -> Option<f32> {
         let here = self.inverse[at];
         let is_same = |other: usize| (self.inverse[other] - here).abs() <= self.tolerance * here;

@@ -1,8 +1,9 @@
-//! Depth maps of posed frames → a surface: a sparse volume of signed distances, and its mesh.
+//! Surface reconstruction: depth maps of posed frames to a signed distance volume and a mesh.
 //!
-//! Every frame with depth is added to blocks of voxels near the surface it sees (`integrate`), then the surface between
-//! voxels before and behind it is cut out as triangles (`extract`). Labels are not in the volume: the mesh's vertices
-//! are voted on as the points of a cloud are ([`crate::fuse`]), so a corrected mask needs no new geometry.
+//! Every frame with depth is added to blocks of voxels near the surface it sees (`integrate`). Then
+//! the surface between voxels in front of it and behind it is extracted as triangles (`extract`).
+//! The volume does not contain labels. The vertices of the mesh are voted on like the points of a
+//! cloud ([`crate::fuse`]), so a corrected mask needs no new geometry.
 
 mod block;
 mod extract;

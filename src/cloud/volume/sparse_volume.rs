@@ -1,4 +1,4 @@
-//! The options of a volume, and its blocks by place.
+//! The options of a volume, and its blocks by position.
 
 use glam::{DVec3, IVec3};
 use rustc_hash::FxHashMap;
@@ -6,29 +6,39 @@ use serde::{Deserialize, Serialize};
 
 use super::block::{Block, EDGE};
 
-/// How depth maps become a surface.
+/// Options of surface reconstruction.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct VolumeOptions {
-    /// Edge of a voxel in voxels' world units, above 0.
+    /// Edge length of a voxel in world units, above 0.
     pub voxel: f64,
-    /// Distance from the surface up to which voxels are kept, in voxels, 2 to 16: wide enough for the noise of the
-    /// depths, narrower than the thinnest thing is thick.
+    /// Maximum distance of voxels from the surface, in voxels, 2 to 16.
+    ///
+    /// It should exceed the noise of the depths, and be smaller than the thickness of the thinnest
+    /// object.
     pub truncation: f32,
-    /// A difference of depth up to this share is one surface, 0–1; pixels with no such neighbour along either axis fly
-    /// between two surfaces and are left out.
+    /// Maximum depth difference between pixels of one surface, as a share of the depth, 0–1.
+    ///
+    /// Pixels without such a neighbour along either axis are flying pixels between two surfaces and
+    /// are left out.
     pub edge_tolerance: f32,
-    /// What frames must have seen of the surface, as a sum over them of the squared cosine between ray and normal: 1 =
-    /// one frame from straight above; 0 or more.
+    /// Minimum visibility of the surface, 0 or more.
+    ///
+    /// The visibility is the sum over frames of the squared cosine between ray and normal; one
+    /// frame that looks straight at the surface gives 1.
     pub min_weight: f32,
-    /// Make voxels only near labelled pixels; frames without a mask make none.
+    /// Whether voxels are allocated only near labelled pixels.
+    ///
+    /// Frames without a mask then allocate none.
     pub only_labelled: bool,
-    /// Memory that the voxels may take; a surface that needs more is refused.
+    /// Memory limit of the voxels in bytes; a surface that needs more is an error.
     pub max_bytes: usize,
-    /// Separate pieces with fewer triangles are left out.
+    /// Minimum number of triangles of a connected component; smaller ones are left out.
     pub min_triangles: usize,
-    /// But not those of which some place was seen well: a grain is small, too. For measured depths; where they are made by
-    /// comparing pictures, several may see the same thing that is not there.
+    /// Whether smaller components are kept if some part of them was seen well, such as a grain.
+    ///
+    /// This suits measured depths. With depths from stereo, several views may agree on a surface
+    /// that does not exist.
     pub keep_well_seen: bool,
 }
 
@@ -48,11 +58,13 @@ impl Default for VolumeOptions {
 }
 
 impl VolumeOptions {
-    /// Voxels along the edge of a block, the unit in which voxels are made, and the bytes that a block takes at least.
+    /// Number of voxels along the edge of a block, and the minimum size of a block in bytes.
     pub const BLOCK: (u32, usize) = (EDGE as u32, Block::BYTES);
 
-    /// For depths made by comparing pictures: they lie closer to the surface than a sensor's, but several views may see the
-    /// same thing that is not there, so a surface takes more than one of them.
+    /// Returns the options for depths from stereo.
+    ///
+    /// Stereo depths are closer to the surface than those of a sensor. However, several views may
+    /// agree on a surface that does not exist, so more than one of them is required.
     #[must_use]
     pub fn for_stereo() -> Self {
         Self {
@@ -65,21 +77,24 @@ impl VolumeOptions {
     }
 }
 
-/// Signed distances near surfaces, in blocks of voxels that are made where frames see something: memory grows with the
-/// surface. (M. Nießner et al., *Real-time 3D Reconstruction at Scale using Voxel Hashing*, SIGGRAPH Asia 2013.)
+/// A sparse volume of signed distances near surfaces.
+///
+/// Its blocks of voxels are allocated where frames see a surface, so memory grows with the surface.
+/// (M. Nießner et al., *Real-time 3D Reconstruction at Scale using Voxel Hashing*, SIGGRAPH Asia
+/// 2013.)
 #[derive(Debug)]
 pub(super) struct Volume {
     pub(super) options: VolumeOptions,
-    /// Where block (0, 0, 0) begins in the world.
+    /// Origin of block (0, 0, 0) in world space.
     pub(super) origin: DVec3,
-    /// In the order in which they were made.
+    /// Blocks in order of allocation.
     pub(super) blocks: Vec<Block>,
     places: FxHashMap<IVec3, u32>,
     pub(super) frames: u32,
 }
 
 impl Volume {
-    /// An empty volume, its voxels counted from the point `near`.
+    /// Creates an empty volume whose voxels are counted from the point `near`.
     pub(super) fn new(near: DVec3, options: VolumeOptions) -> Self {
         let origin = (near / options.voxel).floor() * options.voxel;
         Self {
@@ -91,12 +106,12 @@ impl Volume {
         }
     }
 
-    /// Distance from the surface up to which voxels are kept, world units.
+    /// Returns the maximum distance of voxels from the surface, in world units.
     pub(super) fn truncation(&self) -> f32 {
         self.options.truncation * self.options.voxel as f32
     }
 
-    /// Where a block's first voxel lies in the world.
+    /// Returns the first voxel of a block in world space.
     pub(super) fn corner(&self, place: IVec3) -> DVec3 {
         self.origin + place.as_dvec3() * (EDGE as f64 * self.options.voxel)
     }
@@ -105,7 +120,7 @@ impl Volume {
         self.places.get(&place).map(|&index| index as usize)
     }
 
-    /// Notes that the frame of this number comes near to these blocks; those that are missing are made.
+    /// Marks blocks as near the surface of frame `frame`, allocating those that are missing.
     pub(super) fn touch(&mut self, places: &[IVec3], frame: u32) {
         for &place in places {
             let index = *self.places.entry(place).or_insert_with(|| {
@@ -116,7 +131,7 @@ impl Volume {
         }
     }
 
-    /// What the blocks take.
+    /// Returns the size of the blocks in bytes.
     pub(super) fn bytes(&self) -> usize {
         self.blocks.iter().map(Block::bytes).sum()
     }

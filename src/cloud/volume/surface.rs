@@ -1,4 +1,4 @@
-//! From frames to a mesh: integration, extraction, and the pieces that are kept.
+//! Reconstruction of a mesh from frames: integration, extraction and component filtering.
 
 use super::extract::Raw;
 use super::measured::{Measured, Pixel};
@@ -10,25 +10,28 @@ use ostra_core::statistics::upper_median;
 use ostra_core::union_find::DisjointSets;
 use ostra_masks::LabelId;
 
-/// A surface, and what it took.
+/// A reconstructed surface, with the number of frames and the memory it took.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Surface {
-    /// The triangles; vertices have normals and colours and no labels yet.
+    /// The mesh; its vertices have normals and colours but no labels yet.
     pub mesh: LabelledMesh,
-    /// Frames that were added.
+    /// Number of frames that were added.
     pub frames: usize,
-    /// Memory of the volume, bytes.
+    /// Memory of the volume in bytes.
     pub bytes: usize,
 }
 
-/// Makes the surface that all frames with depth and camera see. Frames without, and those that cannot be
-/// read, are left out in silence: fusion names them.
+/// Reconstructs the surface seen by all frames with depth and camera.
 ///
-/// The same frames give the same bytes, whatever the number of threads.
+/// Frames without them, and unreadable ones, are left out silently, because fusion names them. The
+/// same frames give the same bytes, whatever the number of threads.
 ///
 /// # Errors
-/// [`SceneError::Request`] for options out of range or a depth of another size than its frame; [`SceneError::TooLarge`]; what
-/// reading a frame says; [`SceneError::Stopped`].
+///
+/// Returns [`SceneError::Request`] if options are out of range or the size of a depth map differs
+/// from that of its frame. Returns [`SceneError::TooLarge`] if the volume exceeds its memory limit.
+/// Returns the error of a frame that cannot be read. Returns [`SceneError::Stopped`] if the job is
+/// stopped.
 pub fn reconstruct_surface(
     views: &dyn Views,
     options: &VolumeOptions,
@@ -114,7 +117,7 @@ fn check(options: &VolumeOptions) -> Result<(), SceneError> {
     Ok(())
 }
 
-/// A frame as the volume takes it; `pixels` lends the memory of an earlier one.
+/// Loads a frame for the volume; `pixels` reuses the memory of an earlier one.
 fn load(
     views: &dyn Views,
     index: usize,
@@ -158,15 +161,20 @@ fn load(
     )))
 }
 
-/// A small piece of which some place was seen so well, as a sum of frames' weights, is no noise: as by one frame from
-/// straight above.
+/// Visibility of its best-seen vertex from which a small component is kept.
+///
+/// It equals one frame that looks straight at the surface.
 const WELL_SEEN: f32 = 1.0;
-/// The same as a share of how well the larger pieces were seen, in the median: with many frames noise is seen often, too.
+/// The same limit as a share of the median visibility of the larger components.
+///
+/// With many frames, noise is seen often, too.
 const AS_WELL: f32 = 0.5;
 
 impl Raw {
-    /// For each triangle, whether the connected piece that it belongs to has at least `least` of them or, if that counts, was
-    /// seen well.
+    /// Returns for each triangle whether its connected component is kept.
+    ///
+    /// A component is kept if it has at least `least` triangles or, with `keep_well_seen`, if it
+    /// was seen well.
     fn in_true_pieces(&self, least: usize, keep_well_seen: bool) -> Vec<bool> {
         let mut sets = DisjointSets::new(self.positions.len());
         for &[a, b, c] in &self.triangles {
@@ -204,7 +212,7 @@ impl Raw {
 mod tests {
     use super::*;
 
-    /// Strips of so many triangles, each seen with one weight.
+    /// Returns strips with the given numbers of triangles, each seen with one weight.
     fn strips(strips: &[(u32, f32)]) -> Raw {
         let mut raw = Raw::default();
         for &(triangles, weight) in strips {
@@ -225,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn a_small_piece_stays_where_it_was_seen_well() {
+    fn small_component_is_kept_if_seen_well() {
         let raw = strips(&[(12, 0.3), (9, 0.9), (9, 1.1), (10, 0.3)]);
         assert_eq!(kept(&raw), [true, false, true, true]);
         assert_eq!(
@@ -239,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn many_frames_make_no_surface_of_noise() {
+    fn noise_seen_by_many_frames_is_removed() {
         assert_eq!(
             kept(&strips(&[(40, 20.0), (9, 9.0), (9, 11.0)])),
             [true, false, true]

@@ -1,4 +1,4 @@
-/// A box of cells, a bit for each: rows along x, then y, then z.
+/// A bit set over a box of cells; x runs fastest, then y, then z.
 #[derive(Debug, Clone)]
 pub(super) struct Bits {
     size: [usize; 3],
@@ -6,7 +6,7 @@ pub(super) struct Bits {
 }
 
 impl Bits {
-    /// All clear; `None` where that takes more than `most_bytes`.
+    /// Creates an empty set, or returns `None` if it needs more than `most_bytes`.
     pub(super) fn new(size: [usize; 3], most_bytes: usize) -> Option<Self> {
         let words = size[0]
             .div_ceil(64)
@@ -35,7 +35,7 @@ impl Bits {
         self.words[self.word_of(cell)] >> (cell[0] % 64) & 1 != 0
     }
 
-    /// The cells of a word whose bits these are.
+    /// Returns the cells of a word that correspond to the given bits.
     pub(super) fn cells(&self, word: usize, mut bits: u64) -> impl Iterator<Item = [usize; 3]> {
         let (row, first) = (word / self.words_a_row(), word % self.words_a_row() * 64);
         let (y, z) = (row % self.size[1], row / self.size[1]);
@@ -46,12 +46,12 @@ impl Bits {
         })
     }
 
-    /// The cells of a word that the set has.
+    /// Returns the bits of a word of the set.
     pub(super) fn bits(&self, word: usize) -> u64 {
         self.words[word]
     }
 
-    /// The words with a cell of the set.
+    /// Returns the indices of the non-zero words.
     pub(super) fn words(&self) -> Vec<usize> {
         (0..self.words.len())
             .filter(|&word| self.words[word] != 0)
@@ -64,7 +64,7 @@ impl Bits {
         self.words[word] &= !bits;
     }
 
-    /// No cell of the same box.
+    /// Returns the empty set of the same box.
     pub(super) fn none(&self) -> Self {
         Self {
             size: self.size,
@@ -72,7 +72,7 @@ impl Bits {
         }
     }
 
-    /// All cells of the box that are not in this set.
+    /// Returns the complement of this set within the box.
     pub(super) fn others(&self) -> Self {
         let words = (0..self.words.len())
             .map(|word| self.within(word) & !self.words[word])
@@ -83,14 +83,15 @@ impl Bits {
         }
     }
 
-    /// The bits of a word that are cells of the box.
+    /// Returns the bits of a word that are cells of the box.
     fn within(&self, word: usize) -> u64 {
         let left = self.size[0] - word % self.words_a_row() * 64;
         if left < 64 { (1 << left) - 1 } else { u64::MAX }
     }
 
-    /// Takes out the cells from which two or more of the six ways along the axes lead elsewhere than, through cells of the
-    /// set alone, to a wall; until there are none.
+    /// Repeatedly removes cells that are open in two or more of the six directions along the axes.
+    ///
+    /// A direction is closed if it leads to a wall through cells of the set only.
     pub(super) fn keep_enclosed(&mut self, walls: &Self) {
         loop {
             let (mut once, mut twice) = (vec![0; self.words.len()], vec![0; self.words.len()]);
@@ -116,7 +117,7 @@ impl Bits {
         }
     }
 
-    /// The cells of the set from which the way down an axis leads through the set to a wall.
+    /// Returns the cells of the set that are closed in the negative direction of an axis.
     fn closed_before(&self, axis: usize, walls: &Self) -> Vec<u64> {
         let mut closed = vec![0; self.words.len()];
         for word in 0..closed.len() {
@@ -134,7 +135,7 @@ impl Bits {
         closed
     }
 
-    /// The cells of the set from which the way up an axis leads through the set to a wall.
+    /// Returns the cells of the set that are closed in the positive direction of an axis.
     fn closed_after(&self, axis: usize, walls: &Self) -> Vec<u64> {
         let mut closed = vec![0; self.words.len()];
         for word in (0..closed.len()).rev() {
@@ -152,7 +153,7 @@ impl Bits {
         closed
     }
 
-    /// The word's place along an axis, and how many words lie between it and the next.
+    /// Returns the position of a word along an axis, and the index step to the next word.
     fn place(&self, axis: usize, word: usize) -> (usize, usize) {
         let row = self.words_a_row();
         match axis {
@@ -178,7 +179,7 @@ impl Bits {
     }
 }
 
-/// The bits `from`, and all higher ones that follow them without a gap in `room`.
+/// Returns the bits `from` and all higher bits connected to them within `room`.
 fn spread_up(mut from: u64, mut room: u64) -> u64 {
     for step in [1, 2, 4, 8, 16, 32] {
         from |= room & (from << step);
@@ -187,7 +188,7 @@ fn spread_up(mut from: u64, mut room: u64) -> u64 {
     from
 }
 
-/// The bits `from`, and all lower ones that follow them without a gap in `room`.
+/// Returns the bits `from` and all lower bits connected to them within `room`.
 fn spread_down(mut from: u64, mut room: u64) -> u64 {
     for step in [1, 2, 4, 8, 16, 32] {
         from |= room & (from >> step);
@@ -201,7 +202,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn runs_are_filled_one_way() {
+    fn runs_are_filled_in_one_direction() {
         let room = 0b0111_0110_1110_u64 | 0xff << 50;
         assert_eq!(spread_up(0b0000_0010_0000, room), 0b0000_0110_0000);
         assert_eq!(spread_down(1 << 57 | 1 << 2, room), 0xff << 50 | 0b0110);
@@ -209,7 +210,9 @@ mod tests {
         assert_eq!(spread_down(1 << 63, u64::MAX), u64::MAX);
     }
 
-    /// A hollow block over several words, from 2 to 99 along x and 2 to 9 along y and z, with walls on some sides.
+    /// Counts the enclosed cells of a hollow block over several words, with walls on some sides.
+    ///
+    /// The block extends from 2 to 99 along x and from 2 to 9 along y and z.
     fn kept(sides: &[usize]) -> u32 {
         let size = [102, 12, 12];
         let mut walls = Bits::new(size, usize::MAX).unwrap();
@@ -229,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_walled_on_five_sides_is_enclosed() {
+    fn cells_walled_on_five_sides_are_enclosed() {
         let inner = 98 * 8 * 8;
         assert_eq!(kept(&[0, 1, 2, 3, 4, 5]), inner);
         for open in 0..6 {
@@ -241,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn a_box_beyond_its_memory_is_none() {
+    fn box_beyond_its_memory_limit_is_none() {
         assert!(Bits::new([64, 10, 10], 800).is_some());
         assert!(Bits::new([65, 10, 10], 800).is_none());
         assert!(Bits::new([usize::MAX; 3], usize::MAX).is_none());

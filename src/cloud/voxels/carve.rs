@@ -1,4 +1,4 @@
-//! The walls of a cloud in a bit grid, and the free space that views carve out between them.
+//! The walls of a cloud in a bit grid, and the free space that views carve between them.
 
 use glam::{DVec3, IVec3, Vec3};
 use rayon::prelude::*;
@@ -10,26 +10,28 @@ use ostra_core::job::Progress;
 use ostra_frames::DepthMap;
 use ostra_geometry::{Camera, Pose};
 
-/// Memory that each set of cells may take.
+/// Memory limit of each bit set in bytes.
 const MOST_BYTES: usize = 128 << 20;
-/// Cells along an axis that a box can have.
+/// Maximum grid coordinate along an axis, in cells.
 const REACH: f64 = GRID_REACH as f64;
 
-/// The cells of a regular grid around voxels, one more on every side, and which of them a surface goes through.
+/// A grid of cells around the voxels with a margin of one cell, and the cells a surface crosses.
 pub(super) struct Walls {
-    /// Edge of a cell, world units.
+    /// Edge length of a cell in world units.
     pub(super) voxel: f64,
-    /// The grid's place of the box's first cell.
+    /// Grid position of the first cell of the box.
     first: IVec3,
     pub(super) size: [usize; 3],
-    /// Cells of voxels and of the mesh.
+    /// Cells that hold voxels or are crossed by the mesh.
     pub(super) cells: Bits,
-    /// The voxels' cells, by their number in the box, rising, with the voxel's index.
+    /// Number of each voxel's cell in the box, in ascending order, with the index of the voxel.
     pub(super) occupied: Vec<(u64, u32)>,
 }
 
 impl Walls {
-    /// `None` without voxels. Parts of the mesh beyond the voxels' box are left out.
+    /// Creates the walls, or returns `None` if there are no voxels.
+    ///
+    /// Parts of the mesh outside the box of the voxels are left out.
     pub(super) fn new(
         voxels: &LabelledCloud,
         voxel: f64,
@@ -82,8 +84,11 @@ impl Walls {
         Ok(Some(walls))
     }
 
-    /// A line between the middles of two neighbouring cells meets no triangle unless one of the cells is set: every point of
-    /// the triangle has a sample less than half an edge away.
+    /// Sets the cells that a triangle passes through.
+    ///
+    /// Every point of the triangle has a sample less than half an edge length away. A line between
+    /// the centres of two neighbouring cells therefore only meets the triangle if one of the cells
+    /// is set.
     fn add_triangle(&mut self, [a, b, c]: [DVec3; 3]) {
         let longest = (b - a).length().max((c - a).length()).max((c - b).length());
         let steps = (longest * 2.0 / self.voxel).ceil().max(1.0);
@@ -102,24 +107,26 @@ impl Walls {
         }
     }
 
-    /// A cell's number in the box; rising with z, then y, then x.
+    /// Returns the number of a cell in the box, which grows with z, then y, then x.
     pub(super) fn number(&self, [x, y, z]: [usize; 3]) -> u64 {
         ((z * self.size[1] + y) * self.size[0] + x) as u64
     }
 
-    /// How much the number changes from a cell to the next along each axis.
+    /// Returns the difference of the numbers of neighbouring cells along each axis.
     pub(super) fn steps(&self) -> [u64; 3] {
         [1, self.size[0] as u64, (self.size[0] * self.size[1]) as u64]
     }
 
-    /// The numbers of the cells that share a face with one that is not at the box's border.
+    /// Returns the numbers of the cells that share a face with a cell.
+    ///
+    /// The cell must not be at the border of the box.
     pub(super) fn around(&self, number: u64) -> impl Iterator<Item = u64> + use<> {
         self.steps()
             .into_iter()
             .flat_map(move |step| [number - step, number + step])
     }
 
-    /// The voxel that fills the cell with this number.
+    /// Returns the voxel in the cell with this number, if there is one.
     pub(super) fn voxel_at(&self, number: u64) -> Option<u32> {
         let at = self
             .occupied
@@ -128,34 +135,37 @@ impl Walls {
         Some(self.occupied[at].1)
     }
 
-    /// The middle of a cell in the world.
+    /// Returns the centre of a cell in world space.
     pub(super) fn middle(&self, cell: [usize; 3]) -> DVec3 {
         (self.first + IVec3::from_array(cell.map(|along| along as i32))).as_dvec3() * self.voxel
             + 0.5 * self.voxel
     }
 
-    /// The cell with this number.
+    /// Returns the cell with this number.
     pub(super) fn cell(&self, number: u64) -> [usize; 3] {
         let [_, row, layer] = self.steps();
         [number % row, number % layer / row, number / layer].map(|along| along as usize)
     }
 }
 
-/// Edges of a cell by which depths must pass beyond its middle to see it empty.
+/// Distance in cell edges from a cell's centre to a depth that shows the cell to be empty.
 const CLEARLY_BEYOND: f64 = 2.0;
-/// Half a cell's diagonal, in edges.
+/// Half the diagonal of a cell, in cell edges.
 const HALF_DIAGONAL: f64 = 0.87;
 
-/// Cells that may be inside, and those that were thought so until some view saw them empty.
+/// Cells that may be inside, and cells that were enclosed until some view saw them as empty.
 pub(super) struct Carved {
     pub(super) enclosed: Bits,
     pub(super) free: Bits,
 }
 
-/// The cells that walls enclose on five sides or more and that no view saw empty.
+/// Finds the cells that walls enclose on five or more sides and that no view saw as empty.
 ///
 /// # Errors
-/// What reading a depth says; [`SceneError::Request`] for one of another size than its frame; [`SceneError::Stopped`].
+///
+/// Returns the error of a depth map that cannot be read. Returns [`SceneError::Request`] if the
+/// size of one differs from that of its camera. Returns [`SceneError::Stopped`] if the job is
+/// stopped.
 pub(super) fn carve(
     walls: &Walls,
     views: &dyn Views,
@@ -216,7 +226,9 @@ struct View<'a> {
 }
 
 impl View<'_> {
-    /// Whether all pixels that see some of a cell, and one more on every side, know a depth clearly beyond it.
+    /// Returns whether all pixels that see part of a cell have a depth clearly beyond it.
+    ///
+    /// One more pixel on every side is included.
     fn is_free(&self, middle: DVec3) -> bool {
         let x_in_camera = self.pose.transform(middle);
         let Some(at_px) = self

@@ -9,29 +9,37 @@ use ostra_core::job::Progress;
 use ostra_core::union_find::DisjointSets;
 use ostra_masks::LabelId;
 
-/// Voxels that may be added.
+/// Maximum number of voxels that may be added.
 const MOST_ADDED: usize = 1 << 24;
-/// Faces of a piece that may lie open to space that was seen empty, for each that meets a wall.
+/// Maximum ratio of faces open to empty space to faces that meet a wall, for a filled component.
 const OPEN: f64 = 0.1;
-/// No voxel.
+/// Marks a cell without a voxel.
 const NONE: u32 = u32::MAX;
 
-/// Voxels (as [`voxelize`](super::voxelize) made them, of edge `voxel` in world units) with all that they enclose: cells that
-/// no view's depth saw empty, and from which at least five of the six ways along the axes lead through such cells to a voxel,
-/// for what stands on a table has a side that nobody sees. Space behind a wall or under a table is walled on fewer sides and
-/// stays empty, and so does a piece that lies open to space that was seen empty, as the unseen part of a room does.
+/// Returns the voxels with all cells that they enclose filled.
 ///
-/// A flood fill from outside is not used: it enters every object on a table through the bottom that no view
-/// saw.
+/// The voxels are those of [`voxelize`](super::voxelize) with edge length `voxel` in world units. A
+/// cell is enclosed if no view saw it as empty, and if at least five of the six directions along
+/// the axes lead to a voxel through such cells. Five suffice because an object on a table has a
+/// side that no view sees. Space behind a wall or under a table is walled on fewer sides and stays
+/// empty. A component that is open to space seen as empty, such as the unseen part of a room, stays
+/// empty, too.
 ///
-/// `surface`, the mesh of the same scene, closes gaps between voxels: its cells count as filled; it may be empty.
+/// A flood fill from outside is not used: it enters every object on a table through the bottom that
+/// no view saw.
 ///
-/// What is added has no normal, and label, confidence and colour of the nearest voxel, counted in steps over faces of added
-/// cells; of equally near ones that with the lowest label, then the first. In rising order of z, y, x.
+/// `surface`, the mesh of the same scene, closes gaps between voxels: its cells count as filled. It
+/// may be empty.
+///
+/// Added voxels have no normal. Their label, confidence and colour are those of the nearest voxel,
+/// counted in steps over faces of added cells. Among equally near voxels, the one with the lowest
+/// label wins, then the first. The result is in ascending order of z, y, x.
 ///
 /// # Errors
-/// [`SceneError::Request`] for an edge that is no length above 0, or where grid or inside would take too much memory; what
-/// reading a depth says; [`SceneError::Stopped`].
+///
+/// Returns [`SceneError::Request`] if the edge length is not above 0, or if the grid or the
+/// interior would need too much memory. Returns the error of a depth map that cannot be read.
+/// Returns [`SceneError::Stopped`] if the job is stopped.
 pub fn fill_interior(
     voxels: &LabelledCloud,
     voxel: f64,
@@ -75,7 +83,9 @@ pub fn fill_interior(
     Ok(filled)
 }
 
-/// The numbers, rising, of the cells that are inside, and of those that the mesh alone goes through.
+/// Returns the numbers of the cells to fill, in ascending order.
+///
+/// These are the cells that are inside, and those that only the mesh crosses.
 fn inside(walls: &Walls, views: &dyn Views, progress: &Progress) -> Result<Vec<u64>, SceneError> {
     let carved = carve(walls, views, progress)?;
     let voxel = walls.voxel;
@@ -108,7 +118,9 @@ fn inside(walls: &Walls, views: &dyn Views, progress: &Progress) -> Result<Vec<u
     Ok(inside)
 }
 
-/// Those of the cells, rising, whose connected piece meets walls and hardly any space that was seen empty.
+/// Returns the cells whose connected component meets walls and hardly any space seen as empty.
+///
+/// `cells` must be in ascending order.
 fn covered(walls: &Walls, free: &Bits, cells: &[u64]) -> Vec<u64> {
     let mut sets = DisjointSets::new(cells.len());
     for (at, &number) in (0..).zip(cells) {
@@ -138,7 +150,9 @@ fn covered(walls: &Walls, free: &Bits, cells: &[u64]) -> Vec<u64> {
         .collect()
 }
 
-/// For each of these cells the nearest voxel, by steps over their faces; [`NONE`] where no voxel touches their piece.
+/// Returns the nearest voxel for each cell, by steps over faces.
+///
+/// The entry is [`NONE`] if no voxel touches the component of a cell.
 fn nearest(
     walls: &Walls,
     inside: &[u64],

@@ -1,4 +1,7 @@
-//! A cloud → cubes that people can count: those that hold its points, on request what they enclose, and their faces.
+//! Conversion of a cloud to voxels.
+//!
+//! The voxels are those that hold points and, optionally, those they enclose. Their outer faces can
+//! be extracted for rendering.
 
 mod bits;
 mod carve;

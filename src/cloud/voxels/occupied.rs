@@ -10,7 +10,7 @@ use crate::fuse::{Majority, Votes};
 use crate::{LabelledCloud, LabelledMesh, SceneError};
 use ostra_masks::LabelId;
 
-/// Voxels a side that a grid can have.
+/// Maximum grid coordinate along an axis, in voxels.
 const REACH: f64 = GRID_REACH as f64;
 
 /// Sums over the points in one voxel.
@@ -22,12 +22,16 @@ struct Cell {
     votes: BTreeMap<LabelId, u32>,
 }
 
-/// The cubes of edge `voxel` (world units, above 0) that hold at least one point: a point at the middle of each, with mean
-/// colour and normal, and the label that most of the votes on its points gave (each point's own label where there are no
-/// votes). In rising order of z, y, x.
+/// Returns the voxels of edge length `voxel` (world units, above 0) that hold at least one point.
+///
+/// Each voxel is a point at its centre with the mean colour and normal of its points. Its label is
+/// the majority of the votes on its points, or of their labels if there are no votes. The result is
+/// in ascending order of z, y, x.
 ///
 /// # Errors
-/// [`SceneError::Request`] for an edge that is no length above 0, or too small for the cloud.
+///
+/// Returns [`SceneError::Request`] if the edge length is not above 0, or is too small for the
+/// cloud.
 pub fn voxelize(
     cloud: &LabelledCloud,
     votes: Option<&Votes>,
@@ -84,7 +88,7 @@ pub fn voxelize(
     Ok(voxels)
 }
 
-/// Votes in the numbers that the decision takes: halved until they fit.
+/// Scales votes down to 16 bits by halving them until they fit.
 fn scaled(votes: &BTreeMap<LabelId, u32>) -> Vec<(LabelId, u16)> {
     let most = votes.values().copied().max().unwrap_or(0);
     let halvings = (32 - most.leading_zeros()).saturating_sub(16);
@@ -94,7 +98,9 @@ fn scaled(votes: &BTreeMap<LabelId, u32>) -> Vec<(LabelId, u16)> {
         .collect()
 }
 
-/// The faces of voxels (as [`voxelize`](super::voxelize) made them) that no other voxel covers, for drawing.
+/// Returns the faces of voxels that no other voxel covers, for rendering.
+///
+/// The voxels are those of [`voxelize`](super::voxelize).
 #[must_use]
 pub fn voxel_faces(voxels: &LabelledCloud, voxel: f64) -> LabelledMesh {
     let place = |at: Vec3| (at.as_dvec3() / voxel).floor().as_ivec3();
@@ -158,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn a_voxel_has_the_mean_of_its_points_and_the_label_of_most() {
+    fn voxel_has_the_mean_colour_and_majority_label_of_its_points() {
         let voxels = voxelize(&cloud(), None, 1.0).unwrap();
         assert_eq!(
             voxels.positions,
@@ -170,14 +176,14 @@ mod tests {
     }
 
     #[test]
-    fn impossible_sizes_are_refused() {
+    fn invalid_sizes_are_errors() {
         for size in [0.0, -1.0, f64::NAN, 1e-9] {
             assert!(voxelize(&cloud(), None, size).is_err(), "{size}");
         }
     }
 
     #[test]
-    fn only_outer_faces_are_drawn_and_look_outward() {
+    fn only_outer_faces_are_returned_and_face_outward() {
         let voxels = LabelledCloud::from_positions(
             [-0.5, 0.5, 1.5].map(|x| Vec3::new(x, 0.5, 0.5)).to_vec(),
         );

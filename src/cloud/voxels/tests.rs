@@ -14,11 +14,11 @@ use ostra_masks::{LabelId, LabelMask};
 const SIZE: u32 = 120;
 const VOXEL: f64 = 0.05;
 
-/// A surface that can be sampled and looked at.
+/// A surface that can be sampled and rendered.
 enum Shape {
     /// Around the origin.
     Ball { radius: f64 },
-    /// Across an axis, from corner to corner.
+    /// Perpendicular to an axis, from corner to corner.
     Sheet { axis: usize, from: DVec3, to: DVec3 },
 }
 
@@ -48,7 +48,7 @@ impl Views for Made {
 }
 
 impl Shape {
-    /// How far along a ray, in its lengths, it is hit.
+    /// Returns the ray parameter of the first hit, in lengths of the ray.
     fn hit(&self, eye: DVec3, ray: DVec3) -> f64 {
         match *self {
             Self::Ball { radius } => {
@@ -121,7 +121,9 @@ impl Made {
         }
     }
 
-    /// The sides of a cube from −1 to 1, but those left out: 2·axis for the lower, one more for the upper.
+    /// Returns the sides of a cube from −1 to 1, except those in `without`.
+    ///
+    /// Side 2·axis is the lower one, the next is the upper one.
     fn cube(without: &[usize]) -> Self {
         let side = |side: usize| {
             let (mut from, mut to) = (DVec3::NEG_ONE, DVec3::ONE);
@@ -191,7 +193,7 @@ impl Made {
             .fold(self, |made, eye| made.seen(eye * 4.0 + 0.3, DVec3::ZERO))
     }
 
-    /// The cubes of its surface, labelled 2 where x > 0 and 1 elsewhere.
+    /// Returns the voxels of the surface, labelled 2 where x > 0 and 1 elsewhere.
     fn voxels(&self) -> LabelledCloud {
         let mut cloud =
             LabelledCloud::from_positions(self.shapes.iter().flat_map(Shape::points).collect());
@@ -207,7 +209,7 @@ impl Made {
         fill_interior(voxels, VOXEL, surface, self, &Progress::default()).unwrap()
     }
 
-    /// Voxels added to those of the surface.
+    /// Returns the number of voxels added to those of the surface.
     fn added(&self) -> usize {
         let voxels = self.voxels();
         self.filled(&voxels, &LabelledMesh::default()).len() - voxels.len()
@@ -215,7 +217,7 @@ impl Made {
 }
 
 #[test]
-fn a_ball_seen_from_all_sides_is_filled() {
+fn ball_seen_from_all_sides_is_filled() {
     let made = Made::new(vec![Shape::Ball { radius: 1.0 }]).seen_from_all_sides();
     let voxels = made.voxels();
     let filled = made.filled(&voxels, &LabelledMesh::default());
@@ -241,23 +243,23 @@ fn a_ball_seen_from_all_sides_is_filled() {
 }
 
 #[test]
-fn an_open_box_seen_from_above_stays_empty() {
+fn open_box_seen_from_above_stays_empty() {
     let made = Made::cube(&[3]).seen(DVec3::new(0.1, 3.0, 0.2), DVec3::ZERO);
     assert_eq!(made.added(), 0);
 }
 
 #[test]
-fn a_closed_box_is_filled_unless_someone_looked_inside() {
+fn closed_box_is_filled_unless_seen_from_inside() {
     let inner = (2.0 / VOXEL - 1.0).powi(3) as usize;
     let made = Made::cube(&[]).seen_from_all_sides();
     assert_eq!(made.added(), inner);
-    // Most of the room lies outside this picture, and is reached from what it shows.
+    // Most of the room is outside this view, and is reached from what it shows.
     let inside = Made::cube(&[]).seen(DVec3::new(-0.8, -0.7, -0.75), DVec3::splat(0.9));
     assert_eq!(inside.added(), 0);
 }
 
 #[test]
-fn a_box_on_the_ground_is_filled_though_nobody_saw_its_bottom() {
+fn box_on_the_ground_is_filled_with_its_bottom_unseen() {
     let made = Made::cube(&[2])
         .seen(DVec3::new(2.0, 3.0, 1.0), DVec3::ZERO)
         .seen(DVec3::new(-2.0, 3.0, -1.0), DVec3::ZERO);
@@ -267,19 +269,19 @@ fn a_box_on_the_ground_is_filled_though_nobody_saw_its_bottom() {
 
 #[test]
 fn space_under_a_table_is_not_filled() {
-    // A top, two legs as wide as it.
+    // A top, and two legs as wide as the top.
     let made = Made::cube(&[1, 2, 4, 5]).seen(DVec3::new(0.1, 4.0, 0.2), DVec3::ZERO);
     assert_eq!(made.added(), 0);
 }
 
 #[test]
-fn what_a_wall_hides_is_not_filled() {
-    // A floor, a wall across it and a side wall: none closes.
+fn space_hidden_by_a_wall_is_not_filled() {
+    // A floor, a wall across it and a side wall, which do not close.
     let made = Made::cube(&[1, 3, 5]).seen(DVec3::new(0.5, 0.5, -4.0), DVec3::ZERO);
     assert_eq!(made.added(), 0);
 }
 
-/// The ball of radius 1 as triangles.
+/// Returns the ball of radius 1 as triangles.
 fn ball_mesh() -> LabelledMesh {
     let (rings, spokes) = (40u32, 80u32);
     let at = |ring: u32, spoke: u32| {
@@ -307,7 +309,7 @@ fn ball_mesh() -> LabelledMesh {
 }
 
 #[test]
-fn gaps_between_voxels_are_closed_by_the_mesh() {
+fn mesh_closes_gaps_between_voxels() {
     let made = Made::new(vec![Shape::Ball { radius: 1.0 }]).seen_from_all_sides();
     let voxels = made.voxels();
     let whole = made.filled(&voxels, &LabelledMesh::default()).len();
@@ -321,7 +323,7 @@ fn gaps_between_voxels_are_closed_by_the_mesh() {
 }
 
 #[test]
-fn a_hole_costs_only_what_lies_behind_it() {
+fn hole_loses_only_the_space_behind_it() {
     let made = Made::new(vec![Shape::Ball { radius: 1.0 }]).seen_from_all_sides();
     let voxels = made.voxels();
     let is_kept = |at: &u32| voxels.positions[*at as usize].distance(Vec3::X) > 0.2;
@@ -332,7 +334,7 @@ fn a_hole_costs_only_what_lies_behind_it() {
 }
 
 #[test]
-fn threads_do_not_change_a_voxel() {
+fn interior_does_not_depend_on_thread_count() {
     let made = Made::new(vec![Shape::Ball { radius: 0.7 }]).seen_from_all_sides();
     let voxels = made.voxels();
     let alone = rayon::ThreadPoolBuilder::new()
@@ -344,7 +346,7 @@ fn threads_do_not_change_a_voxel() {
 }
 
 #[test]
-fn a_box_of_too_many_cells_is_refused() {
+fn box_with_too_many_cells_is_an_error() {
     let made = Made::cube(&[]);
     let mut voxels = made.voxels();
     voxels.positions[0] = Vec3::new(-1e4, -1e4, -1e4);

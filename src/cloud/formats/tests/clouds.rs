@@ -10,7 +10,7 @@ use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::{Label, LabelId, LabelTree};
 
-/// 1000 points far from the origin, labelled 3, 7, 0, 3, 7 …
+/// Returns 1000 points far from the origin, labelled 3, 7, 0, 3, 7 …
 fn cloud() -> LabelledCloud {
     let at = |k: u16| Vec3::new(-3.0 + 0.001 * f32::from(k), 120.25, 0.5 * f32::from(k % 9));
     let mut cloud = LabelledCloud::from_positions((0..1000).map(at).collect());
@@ -35,7 +35,7 @@ fn saved(cloud: &LabelledCloud, name: &str, coloring: Coloring) -> Result<Vec<u8
 }
 
 #[test]
-fn las_and_laz_hold_what_the_cloud_does() {
+fn las_and_laz_store_all_point_data() {
     let cloud = cloud();
     for name in ["a.las", "a.LAZ"] {
         let mut reader =
@@ -99,7 +99,7 @@ fn las_and_laz_hold_what_the_cloud_does() {
 }
 
 #[test]
-fn pcd_holds_what_the_cloud_does() {
+fn pcd_stores_all_point_data() {
     let cloud = cloud();
     let bytes = saved(&cloud, "a.pcd", Coloring::Picture).unwrap();
     let end = bytes
@@ -132,7 +132,7 @@ fn pcd_holds_what_the_cloud_does() {
 }
 
 #[test]
-fn classes_of_top_labels_begin_at_64_and_end_at_255() {
+fn classes_of_top_labels_range_from_64_to_255() {
     let mut cloud = LabelledCloud::from_positions((0..300).map(|k| Vec3::X * k as f32).collect());
     let mut tree = LabelTree::default();
     for id in 1..=300_u16 {
@@ -170,7 +170,7 @@ fn classes_of_top_labels_begin_at_64_and_end_at_255() {
 }
 
 #[test]
-fn what_cannot_be_written_is_said() {
+fn unwritable_clouds_give_an_error_message() {
     let said = |cloud: &LabelledCloud, name: &str| {
         saved(cloud, name, Coloring::Picture)
             .unwrap_err()

@@ -7,7 +7,7 @@ use crate::formats::MeshFormat;
 use crate::ply::Coloring;
 use ostra_core::job::Progress;
 
-/// A GLB taken apart as the standard says: header, JSON, binary chunk.
+/// A GLB split into header JSON and binary chunk, as the standard defines.
 struct Glb {
     head: Value,
     binary: Vec<u8>,
@@ -35,7 +35,7 @@ fn read(bytes: &[u8]) -> Glb {
 }
 
 impl Glb {
-    /// The entries of an accessor: for each component the number that its bytes stand for.
+    /// Returns the entries of an accessor, with one number per component.
     fn entries(&self, accessor: &Value) -> Vec<Vec<f64>> {
         let of = |value: &Value, key: &str| value[key].as_u64().unwrap() as usize;
         let accessor = &self.head["accessors"][accessor.as_u64().unwrap() as usize];
@@ -90,7 +90,7 @@ fn to_srgb(linear: f64) -> f64 {
 }
 
 #[test]
-fn each_label_is_a_node_that_tells_it() {
+fn each_label_is_a_node_with_its_properties() {
     let glb = written(&mesh(), Coloring::Picture);
     let nodes = glb.head["nodes"].as_array().unwrap();
     assert_eq!(glb.head["scenes"][0]["nodes"], serde_json::json!([0]));
@@ -117,7 +117,7 @@ fn each_label_is_a_node_that_tells_it() {
 }
 
 #[test]
-fn the_geometry_comes_back_label_by_label() {
+fn geometry_survives_a_round_trip_per_label() {
     let mesh = mesh();
     let glb = written(&mesh, Coloring::Picture);
     for (at, (id, part)) in mesh.by_label().into_iter().enumerate() {
@@ -168,7 +168,7 @@ fn the_geometry_comes_back_label_by_label() {
 }
 
 #[test]
-fn every_channel_comes_back_from_linear_light() {
+fn colors_survive_conversion_to_linear_light() {
     let mut mesh = mesh();
     mesh.triangles = vec![[0, 1, 2]];
     for channel in 0..=u8::MAX {
@@ -182,7 +182,7 @@ fn every_channel_comes_back_from_linear_light() {
 }
 
 #[test]
-fn what_was_up_is_up() {
+fn root_rotation_keeps_up_upwards() {
     let glb = written(&mesh(), Coloring::Picture);
     let turn: [f32; 4] = serde_json::from_value(glb.head["nodes"][0]["rotation"].clone()).unwrap();
     let turn = Quat::from_array(turn);
@@ -197,7 +197,7 @@ fn what_was_up_is_up() {
 }
 
 #[test]
-fn unknown_normals_are_unit_and_an_empty_mesh_is_refused() {
+fn unknown_normals_become_unit_and_empty_mesh_is_an_error() {
     let mut mesh = mesh();
     mesh.vertices.normals.fill(Vec3::ZERO);
     let glb = written(&mesh, Coloring::Picture);

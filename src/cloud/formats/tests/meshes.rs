@@ -8,7 +8,7 @@ use crate::{LabelledCloud, LabelledMesh};
 use ostra_core::job::Progress;
 use ostra_masks::{Label, LabelId, LabelTree};
 
-/// A plant (7) with a leaf (3) whose name no file name can hold.
+/// Returns a plant (7) with a leaf (3) whose name has characters that file names cannot hold.
 pub(super) fn tree() -> LabelTree {
     let mut tree = LabelTree::default();
     let label = |id, name: &str, color, parent| Label {
@@ -23,7 +23,9 @@ pub(super) fn tree() -> LabelTree {
     tree
 }
 
-/// Two triangles of a leaf, one of the plant and one without a label, with corners of their own.
+/// Returns two triangles of a leaf, one of the plant and one unlabelled.
+///
+/// Triangles of different labels have no common vertices.
 pub(super) fn mesh() -> LabelledMesh {
     let places = [
         [0.0, 0.0, 1.0],
@@ -60,7 +62,7 @@ pub(super) fn saved(mesh: &LabelledMesh, path: &Path, coloring: Coloring) -> Vec
 }
 
 #[test]
-fn the_ending_tells_the_format_and_others_are_named() {
+fn extension_selects_the_format_and_errors_list_all() {
     assert_eq!(
         MeshFormat::of(Path::new("a/B.OBJ")).unwrap(),
         MeshFormat::Obj
@@ -84,7 +86,7 @@ fn the_ending_tells_the_format_and_others_are_named() {
 }
 
 #[test]
-fn the_same_mesh_gives_the_same_bytes_and_nothing_else_is_left() {
+fn same_mesh_gives_same_bytes_and_no_other_files() {
     let folder = tempfile::tempdir().unwrap();
     for name in ["a.ply", "a.obj", "a.glb"] {
         let path = folder.path().join(name);
@@ -106,7 +108,7 @@ fn the_same_mesh_gives_the_same_bytes_and_nothing_else_is_left() {
 }
 
 #[test]
-fn a_stop_leaves_the_old_file() {
+fn stopped_save_leaves_the_old_file() {
     let folder = tempfile::tempdir().unwrap();
     let stopped = Progress::default();
     stopped.stop();

@@ -1,4 +1,4 @@
-//! What was written, read again from its bytes.
+//! Round-trip tests that read the written bytes.
 
 mod clouds;
 mod glb;

@@ -4,7 +4,7 @@ use super::voxels::{VOXEL, saved, voxels};
 use crate::ply::Coloring;
 use crate::{LabelledCloud, UNLABELLED_COLOR};
 
-/// Kind, shape and entries of an array.
+/// Type, shape and entries of an array.
 type Array = (String, String, Vec<u8>);
 
 fn short(bytes: &[u8], at: usize) -> usize {
@@ -15,7 +15,7 @@ fn long(bytes: &[u8], at: usize) -> usize {
     u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize
 }
 
-/// Reads a zip by its directory, as unpackers do.
+/// Reads a ZIP file by its central directory, as unpackers do.
 fn unzip(bytes: &[u8]) -> BTreeMap<String, Vec<u8>> {
     let end = bytes.len() - 22;
     assert_eq!(&bytes[end..end + 4], b"PK\x05\x06");
@@ -75,7 +75,7 @@ fn written(voxels: &LabelledCloud, coloring: Coloring) -> BTreeMap<String, Array
 }
 
 #[test]
-fn all_of_the_voxels_comes_back() {
+fn voxels_survive_a_round_trip() {
     let places = [[-3, 5, 7], [0, 5, 6], [2, 9, 6], [2, 9, 1000]];
     let arrays = written(&voxels(&places), Coloring::Picture);
     let kinds: Vec<_> = arrays
@@ -144,7 +144,7 @@ fn all_of_the_voxels_comes_back() {
 }
 
 #[test]
-fn the_twin_has_the_labels_colours() {
+fn label_coloring_writes_label_colours() {
     let arrays = written(
         &voxels(&[[0, 0, 0], [1, 0, 0], [2, 0, 0]]),
         Coloring::Labels,

@@ -6,7 +6,9 @@ use super::meshes::{mesh, saved};
 use crate::ply::Coloring;
 use crate::{LabelledMesh, UNLABELLED_COLOR};
 
-/// What an OBJ holds: positions with colours, normals, and the faces of each object under its material.
+/// The content of an OBJ file.
+///
+/// It has positions with colours, normals, and the faces of each object and material.
 #[derive(Default)]
 struct Obj {
     library: String,
@@ -107,7 +109,7 @@ fn each_label_is_an_object_with_its_faces() {
 }
 
 #[test]
-fn the_twin_has_the_labels_colours() {
+fn label_coloring_writes_label_colours() {
     let (obj, _) = written(&mesh(), Coloring::Labels);
     let plain = &obj.faces[&("unlabelled".into(), "unlabelled".into())];
     let color: Vec<u8> = obj.vertices[plain[0][0]][3..]
@@ -118,7 +120,7 @@ fn the_twin_has_the_labels_colours() {
 }
 
 #[test]
-fn labels_whose_names_become_alike_stay_apart() {
+fn labels_with_colliding_names_get_unique_objects() {
     let mut mesh = mesh();
     let leaf = mesh
         .vertices

@@ -7,7 +7,7 @@ use crate::UNLABELLED_COLOR;
 use crate::ply::Coloring;
 use ostra_masks::LabelId;
 
-/// Reads numbers, texts and dictionaries one after the other.
+/// Reads numbers, strings and dictionaries in sequence.
 struct Reader<'a>(&'a [u8]);
 
 impl<'a> Reader<'a> {
@@ -33,10 +33,10 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// A voxel's place and colour.
+/// Position and colour of a voxel.
 type Voxel = ([i32; 3], [u8; 3]);
 
-/// A scene as MagicaVoxel would show it: for each object's name its voxels with their colours.
+/// A scene as MagicaVoxel shows it: the coloured voxels of each named object.
 #[derive(Default)]
 struct Scene {
     sizes: Vec<IVec3>,
@@ -127,10 +127,10 @@ fn read(bytes: &[u8]) -> Scene {
 }
 
 #[test]
-fn each_label_is_an_object_in_its_colour_and_up_is_up() {
+fn each_label_is_an_upright_object_in_its_colour() {
     let places = [[0, 0, 0], [1, 0, 0], [0, -4, 0], [0, 0, 7]];
     let scene = read(&saved(&voxels(&places), "v.vox", Coloring::Picture).unwrap());
-    // x, z, -y of the world, from the ground in the middle.
+    // x, z, -y of the world, relative to the centre of the ground.
     let expected = [
         ("the plant", [0, 51, 255], vec![[0, -4, 0]]),
         (
@@ -151,7 +151,7 @@ fn each_label_is_an_object_in_its_colour_and_up_is_up() {
 }
 
 #[test]
-fn what_is_larger_than_a_model_is_put_together_of_several() {
+fn large_objects_are_split_into_models() {
     let places: Vec<[i32; 3]> = (-350..350).map(|at| [at, at / 3, -at]).collect();
     let mut one = voxels(&places);
     one.labels.fill(LabelId(7));
@@ -172,7 +172,7 @@ fn what_is_larger_than_a_model_is_put_together_of_several() {
 }
 
 #[test]
-fn more_labels_than_colours_are_refused_with_a_way_out() {
+fn too_many_labels_are_an_error_with_a_hint() {
     let places: Vec<[i32; 3]> = (0..256).map(|at| [at, 0, 0]).collect();
     let mut many = voxels(&places);
     many.labels = (0..256).map(LabelId).collect();

@@ -11,7 +11,7 @@ use ostra_masks::LabelId;
 
 pub(super) const VOXEL: f64 = 0.05;
 
-/// Voxels at these places of the world's grid, labelled 3, 7, 0, 3, 7 …
+/// Returns voxels at these positions of the world grid, labelled 3, 7, 0, 3, 7 …
 pub(super) fn voxels(places: &[[i32; 3]]) -> LabelledCloud {
     let middle = |&[x, y, z]: &[i32; 3]| {
         ((DVec3::new(x.into(), y.into(), z.into()) + 0.5) * VOXEL).as_vec3()
@@ -41,7 +41,7 @@ pub(super) fn saved(
 }
 
 #[test]
-fn the_same_voxels_give_the_same_bytes_and_none_are_refused() {
+fn same_voxels_give_same_bytes_and_no_voxels_are_an_error() {
     let some = voxels(&[[0, 0, 0], [3, -2, 9], [4, 4, 4]]);
     for name in ["a.npz", "a.vox"] {
         assert_eq!(

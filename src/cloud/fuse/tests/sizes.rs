@@ -1,9 +1,9 @@
-//! Voxel size and depth tolerance chosen by default.
+//! Default voxel size and depth tolerance.
 
 use super::*;
 
 #[test]
-fn the_voxel_size_is_what_a_pixel_covers() {
+fn default_voxel_size_is_the_pixel_footprint() {
     let mut scene = Scene::new(3);
     let voxel = |scene: &Scene| scene.fused(&FuseOptions::default()).report.voxel;
     // Most pixels see the wall, about 3 away, at a focal length of 80 pixels.
@@ -27,11 +27,11 @@ fn the_voxel_size_is_what_a_pixel_covers() {
 }
 
 #[test]
-fn the_tolerance_is_what_the_depths_keep_to() {
+fn default_tolerance_follows_the_depth_noise() {
     let mut scene = Scene::new(5);
     let exact = scene.fused(&options()).report.depth_tolerance;
     for (view, depth) in scene.depths.iter_mut().enumerate() {
-        // Each frame is off by up to 4 % of the depth one way or the other.
+        // Each frame is off by up to 4 % of the depth in either direction.
         let off = 1.0 + 0.01 * (view as f32 - 2.0) * 2.0;
         let mut map = (**depth.as_ref().unwrap()).clone();
         map.depths.iter_mut().for_each(|depth| *depth *= off);
@@ -41,9 +41,9 @@ fn the_tolerance_is_what_the_depths_keep_to() {
     assert!(exact < 0.004 && rough >= 0.015, "{exact} {rough}");
 }
 
-/// Depths that are off by up to one voxel one way or the other, differently in each frame.
+/// Depths are off by up to one voxel in either direction, differently in each frame.
 #[test]
-fn a_surface_that_is_seen_often_by_a_noisy_sensor_gives_one_point_a_place() {
+fn noisy_layers_of_a_surface_are_merged() {
     let exact = Scene::new(24);
     let mut noisy = exact.clone();
     for (view, depth) in noisy.depths.iter_mut().enumerate() {

@@ -1,9 +1,9 @@
-//! Votes in files, and the pixels that may vote.
+//! Votes files, and the pixels that vote.
 
 use super::*;
 
 #[test]
-fn votes_come_back_from_a_file_and_damage_is_noticed() {
+fn votes_survive_a_round_trip_and_damage_is_detected() {
     let votes = Scene::new(3)
         .fused(&FuseOptions {
             voxel: Some(0.2),
@@ -31,7 +31,7 @@ fn votes_come_back_from_a_file_and_damage_is_noticed() {
 }
 
 #[test]
-fn a_cloud_without_depth_hides_itself() {
+fn cloud_occludes_itself_in_frames_without_depth() {
     let mut scene = Scene::new(7);
     let cloud = scene
         .fused(&FuseOptions {
@@ -64,7 +64,7 @@ fn a_cloud_without_depth_hides_itself() {
 }
 
 #[test]
-fn a_frame_votes_in_the_pixels_that_are_known_to_see_a_point_and_nowhere_else() {
+fn frame_with_known_pixels_votes_only_in_them() {
     let mut scene = Scene::new(3);
     let cloud = scene
         .fused(&FuseOptions {

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn heights_count_from_the_ground_that_is_fitted_chosen_or_given() {
+fn heights_are_above_the_fitted_labelled_or_given_ground() {
     let mut cloud = standing();
     let rows = measured_above(&cloud, GroundChoice::Label(LabelId(3))).unwrap();
     assert_near(value(&rows, "label 1", 0, "height_max"), 0.1, 0.01);

@@ -1,4 +1,4 @@
-//! A ball and sheets seen from all sides.
+//! Surfaces of a ball and of sheets seen from all sides.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, Weak};
@@ -16,7 +16,9 @@ use ostra_masks::LabelMask;
 
 const SIZE: u32 = 160;
 
-/// A ball of radius 1 at the origin, red where x > 0 and blue elsewhere, seen exactly from all sides.
+/// A ball of radius 1 at the origin, rendered exactly from all sides.
+///
+/// It is red where x > 0 and blue elsewhere.
 #[derive(Default)]
 struct Ball {
     frames: Vec<Frame>,
@@ -53,7 +55,7 @@ impl Ball {
                 distortion,
             );
         }
-        // Straight from above and below, a little aside so that "up" is known.
+        // Straight from above and below, slightly off the axis so that "up" is defined.
         ball.add(DVec3::new(0.01, 3.2, 0.0), distortion);
         ball.add(DVec3::new(0.01, -3.2, 0.0), distortion);
         ball
@@ -134,7 +136,7 @@ fn enclosed(mesh: &LabelledMesh) -> f32 {
 }
 
 #[test]
-fn a_ball_becomes_a_closed_ball() {
+fn ball_becomes_a_closed_ball() {
     let mesh = Ball::new(Distortion::None).surface(0.04);
     let mut sides: FxHashMap<(u32, u32), i32> = FxHashMap::default();
     for &[a, b, c] in &mesh.triangles {
@@ -189,7 +191,7 @@ fn a_ball_becomes_a_closed_ball() {
 }
 
 #[test]
-fn lens_distortion_is_taken_out() {
+fn lens_distortion_is_corrected() {
     let mesh = Ball::new(Distortion::Radial { k: [-0.25, 0.05] }).surface(0.04);
     let far = mesh
         .vertices
@@ -205,7 +207,7 @@ fn lens_distortion_is_taken_out() {
 }
 
 #[test]
-fn threads_do_not_change_a_byte() {
+fn result_does_not_depend_on_thread_count() {
     let ball = Ball::new(Distortion::None);
     let alone = rayon::ThreadPoolBuilder::new()
         .num_threads(1)
@@ -215,7 +217,7 @@ fn threads_do_not_change_a_byte() {
 }
 
 #[test]
-fn a_sheet_thinner_than_the_truncation_keeps_its_two_sides() {
+fn sheet_thinner_than_the_truncation_keeps_both_sides() {
     // Two planes 3 voxels apart, each seen from its own side only.
     let mut scene = Ball::default();
     for side in [-1.0, 1.0] {
@@ -260,7 +262,7 @@ fn a_sheet_thinner_than_the_truncation_keeps_its_two_sides() {
 }
 
 #[test]
-fn a_surface_beyond_the_memory_it_may_take_is_refused() {
+fn surface_beyond_its_memory_limit_is_an_error() {
     let options = VolumeOptions {
         voxel: 0.01,
         max_bytes: 1 << 20,
@@ -270,7 +272,7 @@ fn a_surface_beyond_the_memory_it_may_take_is_refused() {
     assert!(matches!(made, Err(SceneError::TooLarge { .. })));
 }
 
-/// Makes each depth when it is asked for, and counts those that someone still holds.
+/// Creates each depth map on request, and counts those that are still held.
 struct Lent {
     ball: Ball,
     lent: Mutex<Vec<Weak<DepthMap>>>,
@@ -301,7 +303,7 @@ impl Views for Lent {
 }
 
 #[test]
-fn depths_are_let_go_once_they_are_added() {
+fn depth_maps_are_released_after_they_are_added() {
     let lent = Lent {
         ball: Ball::new(Distortion::None),
         lent: Mutex::default(),
@@ -318,7 +320,7 @@ fn depths_are_let_go_once_they_are_added() {
 }
 
 #[test]
-fn options_out_of_range_are_refused() {
+fn options_out_of_range_are_errors() {
     let ball = Ball::new(Distortion::None);
     for options in [
         VolumeOptions {
