@@ -1,13 +1,13 @@
-//! A cache bounded in bytes.
+//! A cache limited in bytes.
 
 use std::hash::Hash;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 use rustc_hash::FxHashMap;
 
-/// A value that knows how much memory it keeps.
+/// A value that can report its memory use.
 pub trait Weigh {
-    /// Bytes of memory.
+    /// Returns the memory used, in bytes.
     fn bytes(&self) -> usize;
 }
 
@@ -17,8 +17,10 @@ impl<T: Weigh> Weigh for Arc<T> {
     }
 }
 
-/// Values by key, the latest used kept within a budget of bytes. Shared by all threads: work to make a value happens
-/// outside the lock, and never twice at once for the same key.
+/// A cache of values by key that evicts the least recently used ones beyond a budget of bytes.
+///
+/// Can be shared by threads: values are loaded outside the lock, and never twice at once for the
+/// same key.
 #[derive(Debug)]
 pub struct Cache<K, V> {
     state: Mutex<State<K, V>>,
@@ -40,7 +42,7 @@ enum Entry<V> {
 }
 
 impl<K: Hash + Eq + Clone, V: Weigh + Clone> Cache<K, V> {
-    /// An empty cache of at most `budget_bytes`.
+    /// Creates an empty cache of at most `budget_bytes`.
     #[must_use]
     pub fn new(budget_bytes: usize) -> Self {
         let state = State {
@@ -55,10 +57,12 @@ impl<K: Hash + Eq + Clone, V: Weigh + Clone> Cache<K, V> {
         }
     }
 
-    /// The value of `key`, made by `load` when it is not there; waits when another thread is making it.
+    /// Returns the value of `key`, loading it with `load` if it is missing.
+    ///
+    /// Waits if another thread is loading it.
     ///
     /// # Errors
-    /// Those of `load`.
+    /// Returns the error of `load`.
     pub fn get<E>(&self, key: &K, load: impl FnOnce() -> Result<V, E>) -> Result<V, E> {
         if let Some(value) = self.found_or_claimed(key) {
             return Ok(value);
@@ -69,12 +73,12 @@ impl<K: Hash + Eq + Clone, V: Weigh + Clone> Cache<K, V> {
         Ok(value)
     }
 
-    /// The value of `key` if it is there now.
+    /// Returns the value of `key` if it is cached.
     pub fn peek(&self, key: &K) -> Option<V> {
         self.lock().touch(key)
     }
 
-    /// Bytes kept now; never above the budget.
+    /// Returns the number of bytes cached; never above the budget.
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.lock().bytes
@@ -115,7 +119,9 @@ impl<K: Hash + Eq + Clone, V: Weigh + Clone> State<K, V> {
         }
     }
 
-    /// Makes room and keeps the value; one that is larger than the whole budget is not kept.
+    /// Stores a value after evicting old ones.
+    ///
+    /// A value larger than the whole budget is not stored.
     fn keep(&mut self, key: &K, value: V, budget_bytes: usize) {
         let bytes = value.bytes();
         if bytes > budget_bytes {
@@ -154,7 +160,7 @@ impl<K: Hash + Eq + Clone, V: Weigh + Clone> State<K, V> {
     }
 }
 
-/// The right of one thread to make the value of `key`; given back when it fails or panics.
+/// Exclusive right of one thread to load `key`; released if loading fails or panics.
 struct Claim<'a, K: Hash + Eq + Clone, V: Weigh + Clone> {
     cache: &'a Cache<K, V>,
     key: &'a K,
@@ -203,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn the_oldest_goes_first_and_the_budget_holds() {
+    fn least_recently_used_value_is_evicted_within_the_budget() {
         let cache = Cache::new(100);
         for key in 0..3 {
             fill(&cache, key, 40);
@@ -218,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn two_threads_that_ask_at_once_make_one_value() {
+    fn concurrent_requests_load_a_value_once() {
         let (cache, made, start) = (Cache::new(100), AtomicUsize::new(0), Barrier::new(4));
         std::thread::scope(|scope| {
             for _ in 0..4 {
@@ -236,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn a_failed_or_panicked_load_leaves_the_key_free() {
+    fn failed_or_panicked_load_releases_the_key() {
         let cache = Cache::<u32, Block>::new(100);
         assert!(cache.get(&1, || Err("damaged")).is_err());
         let panicked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {

@@ -1,4 +1,4 @@
-//! Other programs that this one starts, found in the folders of `PATH`.
+//! Child processes, found in the folders of `PATH` and killed with this program.
 
 use std::ffi::OsStr;
 use std::io::{Error, ErrorKind, Result};
@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, ExitStatus};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// The absolute path of the program `name` (without `.exe`) in the folders of `PATH`.
+/// Returns the absolute path of the program `name` (without `.exe`) in the folders of `PATH`.
 ///
-/// Empty and relative entries are skipped: they mean the current folder, which may hold files of a stranger.
+/// Empty and relative entries are skipped: they mean the current folder, whose files are not
+/// trusted.
 #[must_use]
 pub fn find(name: &str) -> Option<PathBuf> {
     find_in(&std::env::var_os("PATH")?, name)
@@ -34,10 +35,10 @@ fn is_executable(path: &Path) -> bool {
     path.is_file()
 }
 
-/// A command that runs the program `name`, see [`find`].
+/// Returns a command that runs the program `name`; see [`find`].
 ///
 /// # Errors
-/// [`ErrorKind::NotFound`] where no absolute folder of `PATH` holds it.
+/// [`ErrorKind::NotFound`] if no absolute folder of `PATH` contains it.
 pub fn command(name: &str) -> Result<Command> {
     let missing = || {
         Error::new(
@@ -48,10 +49,10 @@ pub fn command(name: &str) -> Result<Command> {
     find(name).map(Command::new).ok_or_else(missing)
 }
 
-/// The programs that this process started and that may still run.
+/// Programs that this process started and that may still run.
 static RUNNING: Mutex<Vec<Arc<Mutex<Child>>>> = Mutex::new(Vec::new());
 
-/// A program started by this process. It is killed when this is dropped, and by [`kill_children`].
+/// A program started by this process; killed when this is dropped, and by [`kill_children`].
 #[derive(Debug)]
 pub struct ChildProcess(Arc<Mutex<Child>>);
 
@@ -59,10 +60,10 @@ impl ChildProcess {
     /// Starts a program.
     ///
     /// # Errors
-    /// When it cannot be started; [`ErrorKind::NotFound`] where its program is not an absolute path, which the system would
-    /// look for in the current folder too.
+    /// Fails if it cannot be started. [`ErrorKind::NotFound`] if its program is not an absolute
+    /// path, because the system would search the current folder too.
     pub fn spawn(command: &mut Command) -> Result<Self> {
-        // Under the lock, so that no child that starts now escapes `kill_children`.
+        // Under the lock, so that a child that starts now does not escape `kill_children`.
         let mut running = running();
         if !Path::new(command.get_program()).is_absolute() {
             return Err(Error::new(
@@ -75,33 +76,35 @@ impl ChildProcess {
         Ok(Self(child))
     }
 
-    /// Its standard input, once, if it is piped.
+    /// Takes its standard input; returns it once, if it is piped.
     pub fn take_stdin(&self) -> Option<ChildStdin> {
         lock(&self.0).stdin.take()
     }
 
-    /// Its standard output, once, if it is piped.
+    /// Takes its standard output; returns it once, if it is piped.
     pub fn take_stdout(&self) -> Option<ChildStdout> {
         lock(&self.0).stdout.take()
     }
 
-    /// Its standard error, once, if it is piped.
+    /// Takes its standard error; returns it once, if it is piped.
     pub fn take_stderr(&self) -> Option<ChildStderr> {
         lock(&self.0).stderr.take()
     }
 
-    /// Kills it; nothing happens where it has ended.
+    /// Kills the program; does nothing if it has ended.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// Fails if the system refuses.
     pub fn kill(&self) -> Result<()> {
         lock(&self.0).kill()
     }
 
-    /// Waits until it ends. Read what it writes before, or kill it: while this waits, [`kill_children`] passes it over.
+    /// Waits until the program ends.
+    ///
+    /// Read its output before, or kill it: while this waits, [`kill_children`] skips it.
     ///
     /// # Errors
-    /// When the system does not say how it ended.
+    /// Fails if the system does not report the exit status.
     pub fn wait(&self) -> Result<ExitStatus> {
         lock(&self.0).wait()
     }
@@ -115,17 +118,18 @@ impl Drop for ChildProcess {
     }
 }
 
-/// Kills every program that this process started. Only for a process that exits right after: no thread of it can start
-/// another program from then on.
+/// Kills every program that this process started.
+///
+/// Only for a process that exits right after: no thread can start another program from then on.
 pub fn kill_children() {
     let running = running();
     for child in running.iter() {
-        // One that is being waited for is about to end by itself.
+        // A program that is being waited for is about to end by itself.
         if let Ok(mut child) = child.try_lock() {
             let _ = child.kill();
         }
     }
-    // Other threads still run until the process exits; they must not start another program.
+    // Other threads keep running until the process exits; they must not start another program.
     std::mem::forget(running);
 }
 

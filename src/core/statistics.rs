@@ -1,7 +1,8 @@
 //! Medians, quantiles and trimmed ranges.
 //!
-//! Values are compared in the total order of IEEE 754, so that a result depends neither on the order of the values nor on
-//! the number of threads, and NaN has a place: above all numbers, or below them where its sign is set.
+//! Values are compared in the total order of IEEE 754, so that a result depends neither on the
+//! order of the values nor on the number of threads. NaN sorts above all numbers, or below them if
+//! its sign is set.
 
 use std::cmp::Ordering;
 use std::ops::{Add, Mul, Sub};
@@ -34,9 +35,9 @@ macro_rules! real {
 real!(f32);
 real!(f64);
 
-/// Returns the value with `place` values before it in ascending order; `None` where there are not so many.
+/// Returns the value with `place` values before it in ascending order.
 ///
-/// Takes time in proportion to the number of values, and reorders them.
+/// Returns `None` if there are not that many values. Takes linear time and reorders the values.
 #[inline]
 pub fn nth_smallest<T: Real>(values: &mut [T], place: usize) -> Option<T> {
     if place >= values.len() {
@@ -45,17 +46,18 @@ pub fn nth_smallest<T: Real>(values: &mut [T], place: usize) -> Option<T> {
     Some(*values.select_nth_unstable_by(place, T::total_order).1)
 }
 
-/// Returns the upper median: the middle value, of an even number the larger of the two in the middle. `None` without
-/// values, which are reordered.
+/// Returns the upper median: the middle value, or the larger of the two middle values.
 ///
-/// It is one of the values, as a depth or a colour must be where a mean of two would lie on no surface.
+/// Returns `None` without values, and reorders them. The result is one of the values; for depths or
+/// colours, a mean of two values might lie on no surface.
 #[inline]
 pub fn upper_median<T: Real>(values: &mut [T]) -> Option<T> {
     nth_smallest(values, values.len() / 2)
 }
 
-/// Returns the median as the mean of the two values in the middle, or the middle one of an odd number. `None` without
-/// values, which are reordered.
+/// Returns the median: the middle value, or the mean of the two middle values.
+///
+/// Returns `None` without values, and reorders them.
 #[inline]
 pub fn mean_median<T: Real>(values: &mut [T]) -> Option<T> {
     let last = values.len().checked_sub(1)?;
@@ -64,15 +66,17 @@ pub fn mean_median<T: Real>(values: &mut [T]) -> Option<T> {
     Some(T::HALF * (low + high))
 }
 
-/// Returns the value below which `share` (0 to below 1) of the values lie, rounded down to whole values. `None` without
-/// values, which are reordered.
+/// Returns the value below which `share` (0 to below 1) of the values lie.
+///
+/// The number of values below is rounded down. Returns `None` without values, and reorders them.
 #[inline]
 pub fn quantile<T: Real>(values: &mut [T], share: f64) -> Option<T> {
     nth_smallest(values, (share * values.len() as f64) as usize)
 }
 
-/// Returns the smallest and the largest value that remain when the `cut` smallest and the `cut` largest are left out.
-/// `None` where fewer than `cut + 1` values are given, which are reordered.
+/// Returns the smallest and the largest value without the `cut` smallest and the `cut` largest.
+///
+/// Returns `None` for fewer than `cut + 1` values, and reorders them.
 #[inline]
 pub fn trimmed_range<T: Real>(values: &mut [T], cut: usize) -> Option<[T; 2]> {
     let last = values.len().checked_sub(cut + 1)?;
@@ -83,13 +87,13 @@ pub fn trimmed_range<T: Real>(values: &mut [T], cut: usize) -> Option<[T; 2]> {
 mod tests {
     use super::*;
 
-    /// 0 to `count` − 1, shuffled.
+    /// Returns 0 to `count` − 1, shuffled.
     fn shuffled(count: usize) -> Vec<f64> {
         (0..count).map(|at| (at * 7 % count) as f64).collect()
     }
 
     #[test]
-    fn values_are_found_by_their_place() {
+    fn nth_smallest_ignores_the_order() {
         for place in 0..10 {
             assert_eq!(nth_smallest(&mut shuffled(10), place), Some(place as f64));
         }
@@ -98,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn medians_of_even_and_odd_numbers() {
+    fn medians_of_even_and_odd_counts() {
         assert_eq!(upper_median(&mut shuffled(5)), Some(2.0));
         assert_eq!(upper_median(&mut shuffled(6)), Some(3.0));
         assert_eq!(mean_median(&mut shuffled(5)), Some(2.0));

@@ -1,17 +1,19 @@
-//! Disjoint sets.
+//! Disjoint sets (union–find).
 
-/// Disjoint sets of the numbers from 0 on, with path halving (R. Tarjan, J. van Leeuwen, *Worst-case analysis of set union
-/// algorithms*, Journal of the ACM 1984).
+/// Disjoint sets of the numbers from 0 on, with path halving.
 ///
-/// The smallest member of a set is its root, whatever the order in which sets are united: results that follow the order
-/// of roots need no sorting.
+/// R. Tarjan, J. van Leeuwen, *Worst-case analysis of set union algorithms*, Journal of the ACM
+/// 1984.
+///
+/// The smallest member of a set is its root, whatever the order in which sets are united. Results
+/// that follow the order of roots therefore need no sorting.
 #[derive(Debug, Clone)]
 pub struct DisjointSets {
     parents: Vec<u32>,
 }
 
 impl DisjointSets {
-    /// Sets of one member each.
+    /// Creates `count` sets of one member each.
     #[must_use]
     pub fn new(count: usize) -> Self {
         Self {
@@ -19,19 +21,19 @@ impl DisjointSets {
         }
     }
 
-    /// How many numbers there are.
+    /// Returns the number of members of all sets.
     #[must_use]
     pub fn len(&self) -> usize {
         self.parents.len()
     }
 
-    /// Whether there are none.
+    /// Returns whether there are no members.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.parents.is_empty()
     }
 
-    /// The smallest member of the set that `member` belongs to.
+    /// Returns the smallest member of the set that `member` belongs to.
     #[inline]
     pub fn root(&mut self, mut member: u32) -> u32 {
         while self.parents[member as usize] != member {
@@ -49,7 +51,7 @@ impl DisjointSets {
         self.parents[a.max(b) as usize] = a.min(b);
     }
 
-    /// The root of each number.
+    /// Returns the root of each number.
     #[must_use]
     pub fn into_roots(mut self) -> Vec<u32> {
         (0..self.parents.len() as u32)
@@ -63,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_smallest_member_is_the_root_in_any_order() {
+    fn smallest_member_is_the_root_in_any_order() {
         let pairs = [(7, 3), (5, 6), (3, 5), (1, 2)];
         for rotated in 0..pairs.len() {
             let mut sets = DisjointSets::new(8);
@@ -76,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_chain_is_one_set() {
+    fn long_chain_is_one_set() {
         let mut sets = DisjointSets::new(1000);
         for member in (1..1000).rev() {
             sets.unite(member, member - 1);

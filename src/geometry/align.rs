@@ -4,11 +4,11 @@ use serde::{Deserialize, Serialize};
 
 use super::{GeometryError, Pose};
 
-/// The degrees of freedom when one set of points is aligned to another.
+/// Degrees of freedom of the alignment of one set of points to another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Alignment {
-    /// Nothing: both are in the same space already.
+    /// No alignment: both are in the same space already.
     #[default]
     None,
     /// Rotation and translation.
@@ -17,36 +17,38 @@ pub enum Alignment {
     Sim3,
 }
 
-/// `x_in_target = scale · rotation · x_in_source + translation`.
+/// A similarity transform: `x_in_target = scale · rotation · x_in_source + translation`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Similarity {
-    /// Above 0.
+    /// Scale, above 0.
     pub scale: f64,
-    /// Unit quaternion.
+    /// Rotation, a unit quaternion.
     pub rotation: DQuat,
-    /// In units of the target space.
+    /// Translation, in units of the target space.
     pub translation: DVec3,
 }
 
-/// Below this ratio of singular values points count as lying in one line (a width of 1e-5 of the length).
+/// Ratio of singular values below which points are collinear (a width of 1e-5 of the length).
 const LINE_RATIO: f64 = 1e-10;
 
 impl Similarity {
-    /// The transform that changes nothing.
+    /// The identity transform.
     pub const IDENTITY: Self = Self {
         scale: 1.0,
         rotation: DQuat::IDENTITY,
         translation: DVec3::ZERO,
     };
 
-    /// The transform that brings `source[i]` nearest to `target[i]` in the sense of least squares: W. Kabsch, *A solution
-    /// for the best rotation to relate two sets of vectors*, Acta Cryst. A 1976, with the scale of S. Umeyama,
-    /// *Least-squares estimation of transformation parameters between two point patterns*, PAMI 1991.
+    /// Estimates the least-squares transform from `source[i]` to `target[i]`.
+    ///
+    /// W. Kabsch, *A solution for the best rotation to relate two sets of vectors*, Acta Cryst. A
+    /// 1976, with the scale of S. Umeyama, *Least-squares estimation of transformation parameters
+    /// between two point patterns*, PAMI 1991.
     ///
     /// # Errors
-    /// [`GeometryError::TooFewPoints`] for fewer than three points, or points in one place or line;
-    /// [`GeometryError::Unpaired`] for lists of unequal length; [`GeometryError::NotFinite`]. `Alignment::None` needs
-    /// no points.
+    /// [`GeometryError::TooFewPoints`] for fewer than three points, or if all are in one place or
+    /// line; [`GeometryError::Unpaired`] for lists of unequal length; [`GeometryError::NotFinite`].
+    /// `Alignment::None` needs no points.
     pub fn align(
         source: &[DVec3],
         target: &[DVec3],
@@ -81,8 +83,9 @@ impl Similarity {
         }
     }
 
-    /// The best transform with a given rotation: scale and translation that bring `source[i]` nearest to `target[i]`. As many
-    /// points on both sides, not all in one place where there is a scale to find.
+    /// Estimates scale and translation from `source[i]` to `target[i]` for a given rotation.
+    ///
+    /// Both sides need the same number of points, not all in one place if a scale is estimated.
     pub(super) fn turned(
         source: &[DVec3],
         target: &[DVec3],
@@ -110,13 +113,13 @@ impl Similarity {
         }
     }
 
-    /// Moves a point from the source space to the target space.
+    /// Transforms a point from the source space to the target space.
     #[must_use]
     pub fn transform(&self, x_in_source: DVec3) -> DVec3 {
         self.scale * (self.rotation * x_in_source) + self.translation
     }
 
-    /// `camera_from_target` of a camera given as `camera_from_source`; its own space takes on the target's unit.
+    /// Converts `camera_from_source` to `camera_from_target`; camera space takes the target's unit.
     #[must_use]
     pub fn transform_camera(&self, camera_from_source: &Pose) -> Pose {
         let rotation = (camera_from_source.rotation * self.rotation.conjugate()).normalize();
@@ -127,7 +130,7 @@ impl Similarity {
         }
     }
 
-    /// `source_from_target`.
+    /// Returns the inverse, `source_from_target`.
     #[must_use]
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.conjugate();
@@ -186,7 +189,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn finds_a_known_similarity(
+        fn known_similarity_is_recovered(
             points in prop::collection::vec(point(), 4..30),
             axis in point(), angle in -3.0..3.0f64, scale in 0.01..50.0f64, translation in point(),
         ) {
@@ -203,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn coplanar_points_keep_a_rotation_not_a_mirror() {
+    fn coplanar_points_are_aligned_by_a_rotation_without_mirroring() {
         let source = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::new(1.0, 2.0, 0.0)];
         let turn = DQuat::from_rotation_x(2.0);
         let target = source.map(|x| turn * x + DVec3::Z);
@@ -217,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn points_in_a_line_or_place_are_refused() {
+    fn collinear_and_coincident_points_are_rejected() {
         let line: Vec<DVec3> = (0..9)
             .map(|i| DVec3::new(f64::from(i), 2.0 * f64::from(i), 1.0))
             .collect();
@@ -232,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn a_moved_camera_sees_the_moved_point_at_the_same_place() {
+    fn aligned_camera_sees_the_aligned_point_at_the_same_position() {
         let world = Similarity {
             scale: 3.0,
             rotation: DQuat::from_rotation_z(1.0),

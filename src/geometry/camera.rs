@@ -3,7 +3,9 @@ use serde::{Deserialize, Serialize};
 
 use super::Distortion;
 
-/// A camera's intrinsics. Pixel space: centre of the top-left pixel at (0.5, 0.5); camera space: OpenCV axes.
+/// A camera's intrinsics.
+///
+/// Pixel space: the centre of the top-left pixel is at (0.5, 0.5). Camera space: OpenCV axes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "StoredCamera")]
 pub struct Camera {
@@ -20,7 +22,7 @@ pub struct Camera {
     pub distortion: Distortion,
 }
 
-/// A camera as a file gives it, before it is checked.
+/// A camera as read from a file, before it is validated.
 #[derive(Deserialize)]
 struct StoredCamera {
     width: u32,
@@ -34,7 +36,9 @@ struct StoredCamera {
 impl TryFrom<StoredCamera> for Camera {
     type Error = String;
 
-    /// Refuses sizes that no image has, before anything of that size is allocated, and values that are not finite.
+    /// Rejects values that are not finite and sizes that no image has.
+    ///
+    /// This happens before anything of that size is allocated.
     fn try_from(stored: StoredCamera) -> Result<Self, String> {
         let StoredCamera {
             width,
@@ -71,13 +75,15 @@ impl TryFrom<StoredCamera> for Camera {
 }
 
 impl Camera {
-    /// The most pixels that a side of an image may have: JPEG cannot hold more.
+    /// Maximum length of an image's side, pixels: JPEG cannot store more.
     pub const MAX_SIDE: u32 = 65_535;
-    /// The most pixels that an image may have in all: somewhat more than the largest sensors of phones and cameras (200
-    /// million). Decoded they take 660 MB.
+    /// Maximum number of pixels of an image.
+    ///
+    /// This is somewhat more than the largest sensors of phones and cameras have (200 million).
+    /// Decoded, such an image takes 660 MB.
     pub const MAX_PIXELS: u64 = 220_000_000;
 
-    /// A pinhole camera without distortion.
+    /// Creates a pinhole camera without distortion.
     #[must_use]
     #[inline]
     pub fn pinhole(width: u32, height: u32, fx: f64, fy: f64, cx: f64, cy: f64) -> Self {
@@ -90,8 +96,10 @@ impl Camera {
         }
     }
 
-    /// Pixel position of a point in camera space; `None` behind the camera, for NaN, and where the lens model folds back
-    /// (points far outside the image). The position may lie outside the image.
+    /// Projects a point in camera space to a pixel position.
+    ///
+    /// The position may lie outside the image. Returns `None` behind the camera, for NaN, and where
+    /// the lens model folds back (points far outside the image).
     #[must_use]
     #[inline]
     pub fn project(&self, x_in_camera: DVec3) -> Option<DVec2> {
@@ -106,8 +114,10 @@ impl Camera {
         Some(distorted * self.focal_px + self.principal_px)
     }
 
-    /// The point on the plane z = 1 of camera space that is seen at `at_px`. A point at `depth` along the optical
-    /// axis is `depth · (x, y, 1)`. NaN where the lens covers no such point (a fisheye at 90° from its axis).
+    /// Returns the point on the plane z = 1 of camera space that is seen at `at_px`.
+    ///
+    /// A point at `depth` along the optical axis is `depth · (x, y, 1)`. Returns NaN where the lens
+    /// covers no such point (a fisheye at 90° from its axis).
     #[must_use]
     #[inline]
     pub fn unproject(&self, at_px: DVec2) -> DVec2 {
@@ -118,8 +128,9 @@ impl Camera {
         }
     }
 
-    /// [`Self::unproject`] at the centre of every pixel of `row`, for dense loops over rows in parallel; as many as
-    /// `rays` holds, from column 0.
+    /// Applies [`Self::unproject`] to pixel centres of `row`, from column 0 to the end of `rays`.
+    ///
+    /// For dense loops over rows in parallel.
     #[inline]
     pub fn unproject_row(&self, row: u32, rays: &mut [Vec2]) {
         let y = f64::from(row) + 0.5;
@@ -128,7 +139,7 @@ impl Camera {
         }
     }
 
-    /// Whether a position lies in the image.
+    /// Returns whether a position lies in the image.
     #[must_use]
     #[inline]
     pub fn contains(&self, at_px: DVec2) -> bool {
@@ -139,11 +150,12 @@ impl Camera {
     }
 }
 
-/// Step on the plane z = 1 of the difference quotient.
+/// Step of the difference quotient on the plane z = 1.
 const STEP: f64 = 1e-5;
 
-/// Derivative of the pixel position by the position on the plane z = 1, at `at_plane`; `None` where the lens model folds
-/// back.
+/// Returns the derivative of the pixel position by the position on the plane z = 1.
+///
+/// `None` where the lens model folds back.
 pub(crate) fn pixel_slope(camera: &Camera, at_plane: DVec2) -> Option<DMat2> {
     if camera.distortion == Distortion::None {
         return Some(DMat2::from_diagonal(camera.focal_px));
@@ -159,7 +171,7 @@ mod tests {
 
     use super::*;
 
-    /// One camera of every model, with coefficients as real lenses have them.
+    /// Returns one camera of every model, with realistic coefficients.
     fn cameras() -> Vec<Camera> {
         let models = [
             Distortion::None,
@@ -200,8 +212,8 @@ mod tests {
     }
 
     #[test]
-    fn follows_the_published_formulas() {
-        // Worked by hand at (u, v) = (0.3, 0.4): r² = 0.25.
+    fn distortion_follows_the_published_formulas() {
+        // Computed by hand at (u, v) = (0.3, 0.4): r² = 0.25.
         let x = DVec3::new(0.6, 0.8, 2.0);
         let unit = Camera::pinhole(10, 10, 1.0, 1.0, 0.0, 0.0);
         let at = |distortion| Camera { distortion, ..unit }.project(x).unwrap();
@@ -240,8 +252,8 @@ mod tests {
     }
 
     #[test]
-    fn a_point_beyond_the_fold_is_not_seen() {
-        // 1 − 0.3 r² folds back at r = 1.05: a point at r = 1.7 would land inside the image.
+    fn point_beyond_the_fold_is_not_projected() {
+        // 1 − 0.3 r² folds back at r = 1.05: a point at r = 1.7 would be projected into the image.
         let camera = Camera {
             distortion: Distortion::Radial { k: [-0.3, 0.0] },
             ..Camera::pinhole(640, 480, 300.0, 300.0, 320.0, 240.0)
@@ -252,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn behind_and_nan_are_not_seen() {
+    fn points_behind_the_camera_and_nan_are_not_projected() {
         for camera in cameras() {
             assert_eq!(camera.project(DVec3::new(0.1, 0.1, -1.0)), None);
             assert_eq!(camera.project(DVec3::new(0.1, 0.1, f64::NAN)), None);
@@ -260,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_of_rays_is_what_single_pixels_give() {
+    fn row_of_rays_equals_single_pixels() {
         for camera in cameras() {
             let mut rays = vec![Vec2::ZERO; 640];
             camera.unproject_row(17, &mut rays);

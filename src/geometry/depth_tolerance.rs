@@ -1,24 +1,25 @@
-//! Whether two depths are of one surface.
+//! Tests whether two depths belong to one surface.
 
-/// Returns whether `depth` differs from `reference` by less than `share` of the reference; never where the reference is
-/// unknown (0) or one of them is NaN.
+/// Returns whether `depth` differs from `reference` by less than `share` of the reference.
+///
+/// Returns `false` if the reference is unknown (0) or one of them is NaN.
 #[must_use]
 #[inline(always)]
 pub fn is_same_depth(depth: f32, reference: f32, share: f32) -> bool {
     (depth - reference).abs() < share * reference
 }
 
-/// How far a point's depth may be from the depth map's at the same pixel for the point to be seen there.
+/// Maximum difference between a point's depth and the depth map at which the point is visible.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DepthTolerance {
-    /// In world units.
+    /// Absolute part, in world units.
     pub absolute: f64,
-    /// As a share of the depth.
+    /// Relative part, as a share of the depth.
     pub relative: f64,
 }
 
 impl DepthTolerance {
-    /// The largest difference at a depth, in world units.
+    /// Returns the maximum difference at a depth, in world units.
     #[must_use]
     #[inline]
     pub fn at(&self, depth: f64) -> f64 {
@@ -38,7 +39,7 @@ mod tests {
     }
 
     #[test]
-    fn unknown_depth_agrees_with_nothing() {
+    fn unknown_depth_never_agrees() {
         for (depth, reference) in [(0.0, 0.0), (1.0, 0.0), (f32::NAN, 1.0), (1.0, f32::NAN)] {
             assert!(!is_same_depth(depth, reference, 0.03));
         }

@@ -44,11 +44,14 @@ pub enum Distortion {
 }
 
 impl Distortion {
-    /// The same lens seen through an image that is turned by `rotation` (of the plane z = 1): what is not symmetric
-    /// about the optical axis turns with it.
+    /// Returns the distortion of the same lens for a rotated image.
+    ///
+    /// `rotation` is that of the plane z = 1. Coefficients that are not symmetric about the optical
+    /// axis rotate with the image.
     #[must_use]
     pub(super) fn rotated(self, rotation: DMat2) -> Self {
-        // The tangential term is 2 (t · q) q + |q|² t with t = (p2, p1), the prism's is |q|² (sx1, sy1).
+        // The tangential term is 2 (t · q) q + |q|² t with t = (p2, p1), the prism's is |q|² (sx1,
+        // sy1).
         let tangential = |p: [f64; 2]| {
             let t = rotation * DVec2::new(p[1], p[0]);
             [t.y, t.x]
@@ -71,7 +74,7 @@ impl Distortion {
         }
     }
 
-    /// The one form that holds all models; `None` without distortion.
+    /// Returns the general form of all models; `None` without distortion.
     pub(super) fn terms(&self) -> Option<LensTerms> {
         let plain = LensTerms::default();
         Some(match *self {
@@ -107,8 +110,10 @@ impl Distortion {
     }
 }
 
-/// All models in one: `d(q) = q · A(|q|²) / B(|q|²) + tangential + prism`, where `q` is the point on the plane z = 1, or
-/// for a fisheye lens that point drawn in to the angle from the axis as its radius.
+/// General form of all models: `d(q) = q · A(|q|²) / B(|q|²) + tangential + prism`.
+///
+/// `q` is the point on the plane z = 1. For a fisheye lens, it is that point contracted so that its
+/// radius is the angle from the axis.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct LensTerms {
     fisheye: bool,
@@ -118,13 +123,15 @@ pub(super) struct LensTerms {
     s: [f64; 2],
 }
 
-/// Steps along the radius at which a lens is asked whether it folds back.
+/// Number of steps along the radius at which a lens is checked for folding back.
 const FOLD_STEPS: u32 = 16;
-/// Newton's steps before a position counts as not covered by the lens.
+/// Maximum number of Newton steps; then the position counts as not covered by the lens.
 const MAX_STEPS: usize = 40;
 
 impl LensTerms {
-    /// Distorted position of a point on the plane z = 1; `None` beyond the radius where the model folds back.
+    /// Returns the distorted position of a point on the plane z = 1.
+    ///
+    /// `None` beyond the radius where the model folds back.
     #[inline]
     pub fn distort(&self, at_plane: DVec2) -> Option<DVec2> {
         let q = if self.fisheye {
@@ -135,7 +142,7 @@ impl LensTerms {
         (!self.folds_within(q.length_squared())).then(|| self.evaluate(q).0)
     }
 
-    /// The point on the plane z = 1 that is distorted to `target`; NaN where the lens covers none.
+    /// Returns the point on the plane z = 1 that is distorted to `target`; NaN if there is none.
     #[inline]
     pub fn undistort(&self, target: DVec2) -> DVec2 {
         let q = self
@@ -148,7 +155,7 @@ impl LensTerms {
         }
     }
 
-    /// Newton's method with steps halved until they lead nearer.
+    /// Newton's method with step halving.
     fn solve(&self, target: DVec2) -> Option<DVec2> {
         let mut q = target;
         let (mut at, mut jacobian) = self.evaluate(q);
@@ -171,7 +178,7 @@ impl LensTerms {
                 }
                 share *= 0.5;
                 if share < 1e-4 {
-                    // No step leads nearer: rounding is reached, or there is no solution.
+                    // No step improves: rounding is reached, or there is no solution.
                     return (miss.length_squared() < 1e-20).then_some(before);
                 }
             }
@@ -179,7 +186,7 @@ impl LensTerms {
         ((at - target).length_squared() < 1e-20).then_some(q)
     }
 
-    /// Distorted position and its derivative.
+    /// Returns the distorted position and its derivative.
     fn evaluate(&self, q: DVec2) -> (DVec2, DMat2) {
         let s = q.length_squared();
         let (factor, slope) = self.factor(s);
@@ -195,7 +202,7 @@ impl LensTerms {
         (at, jacobian)
     }
 
-    /// The radial factor at squared radius `s`, and its derivative by `s`.
+    /// Returns the radial factor at squared radius `s`, and its derivative by `s`.
     fn factor(&self, s: f64) -> (f64, f64) {
         let [a1, a2, a3, a4] = self.above;
         let [b1, b2, b3] = self.below;
@@ -209,7 +216,7 @@ impl LensTerms {
         )
     }
 
-    /// Whether the distorted radius stops growing somewhere between the axis and the squared radius `end`.
+    /// Returns whether the distorted radius stops growing before the squared radius `end`.
     fn folds_within(&self, end: f64) -> bool {
         let grows_always = self.above.iter().all(|&a| a >= 0.0) && self.below == [0.0; 3];
         if grows_always {
@@ -225,7 +232,7 @@ impl LensTerms {
     }
 }
 
-/// From the plane z = 1 to the angle from the axis as radius.
+/// Contracts a point on the plane z = 1 so that its radius is the angle from the axis.
 fn draw_in(at_plane: DVec2) -> DVec2 {
     let radius = at_plane.length();
     if radius < 1e-12 {
@@ -235,7 +242,7 @@ fn draw_in(at_plane: DVec2) -> DVec2 {
     }
 }
 
-/// Undoes [`draw_in`]; NaN at a right angle from the axis and beyond.
+/// Reverses [`draw_in`]; NaN at a right angle from the axis and beyond.
 fn draw_out(q: DVec2) -> DVec2 {
     let angle = q.length();
     if angle < 1e-12 {

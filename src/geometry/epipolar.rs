@@ -3,7 +3,7 @@ use nalgebra::Matrix3;
 
 use super::{Camera, Pose};
 
-/// `[t]×`: the matrix of `x ↦ t × x`.
+/// Returns `[t]×`, the matrix of `x ↦ t × x`.
 pub(super) fn cross_matrix(t: DVec3) -> DMat3 {
     DMat3::from_cols(
         DVec3::new(0.0, t.z, -t.y),
@@ -12,14 +12,17 @@ pub(super) fn cross_matrix(t: DVec3) -> DMat3 {
     )
 }
 
-/// The essential matrix `E = [t]× R` with `x2ᵀ E x1 = 0` for rays of the same point in two cameras.
+/// Returns the essential matrix `E = [t]× R`.
+///
+/// `x2ᵀ E x1 = 0` for rays of the same point in two cameras.
 #[must_use]
 pub fn essential_from_pose(second_from_first: &Pose) -> DMat3 {
     cross_matrix(second_from_first.translation) * DMat3::from_quat(second_from_first.rotation)
 }
 
-/// The fundamental matrix between the pixels of two cameras (lens distortion removed), for a matrix between their rays;
-/// Frobenius norm 1.
+/// Converts a matrix between rays to a fundamental matrix between pixels.
+///
+/// Pixels are without lens distortion. The result has Frobenius norm 1.
 #[must_use]
 pub fn fundamental_in_pixels(between_rays: DMat3, cameras: [&Camera; 2]) -> DMat3 {
     let [to_first, to_second] = cameras.map(|camera| {
@@ -30,9 +33,10 @@ pub fn fundamental_in_pixels(between_rays: DMat3, cameras: [&Camera; 2]) -> DMat
     f * (1.0 / f.to_cols_array().iter().map(|v| v * v).sum::<f64>().sqrt())
 }
 
-/// The four poses `second_from_first`, translation of length 1, that an essential matrix stands for; points lie in front
-/// of both cameras in one of them (R. Hartley, A. Zisserman, *Multiple View Geometry in Computer Vision*, 2004, 9.6.2).
-/// `None` for a matrix that is not finite.
+/// Returns the four poses `second_from_first` of an essential matrix, with unit translation.
+///
+/// For one of them, points lie in front of both cameras (R. Hartley, A. Zisserman, *Multiple View
+/// Geometry in Computer Vision*, 2004, 9.6.2). Returns `None` for a matrix that is not finite.
 pub(super) fn poses_from_essential(essential: DMat3) -> Option<[Pose; 4]> {
     let entries = essential.to_cols_array();
     if !entries.iter().all(|v| v.is_finite()) {
@@ -43,7 +47,7 @@ pub(super) fn poses_from_essential(essential: DMat3) -> Option<[Pose; 4]> {
         DMat3::from_cols_slice(svd.u?.as_slice()),
         DMat3::from_cols_slice(svd.v_t?.as_slice()),
     );
-    // Largest singular values first, whatever order the decomposition gives.
+    // Largest singular values first, whatever the order of the decomposition.
     let least = svd.singular_values.imin();
     let order = [(least + 1) % 3, (least + 2) % 3, least];
     let u = DMat3::from_cols(u.col(order[0]), u.col(order[1]), u.col(order[2]));
@@ -70,7 +74,7 @@ mod tests {
     use glam::DVec2;
 
     #[test]
-    fn one_of_four_poses_is_the_one_that_made_the_matrix() {
+    fn essential_matrix_yields_its_pose_among_four() {
         let pose = Pose {
             rotation: DQuat::from_euler(glam::EulerRot::XYZ, 0.3, -0.5, 1.1),
             translation: DVec3::new(0.6, 0.0, -0.8),
@@ -85,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn pixels_of_one_point_meet_the_fundamental_matrix() {
+    fn pixels_of_one_point_satisfy_the_fundamental_matrix() {
         let pose = Pose {
             rotation: DQuat::from_rotation_y(0.2),
             translation: DVec3::new(1.0, 0.1, 0.2),

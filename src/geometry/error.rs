@@ -1,4 +1,4 @@
-/// What can be wrong with geometry that was given.
+/// An error in geometric input.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum GeometryError {
     /// A number is NaN or infinite.
@@ -7,26 +7,26 @@ pub enum GeometryError {
         /// What was being read, e.g. `pose`.
         what: String,
     },
-    /// A 3×3 matrix too far from a rotation to be put right.
+    /// A 3×3 matrix is too far from a rotation to be corrected.
     #[error("the matrix is no rotation (off by {error:.3}); check the file's convention")]
     NotARotation {
         /// Frobenius distance to the nearest rotation.
         error: f64,
     },
-    /// Too few or degenerate correspondences for an alignment.
+    /// There are too few or degenerate correspondences for an alignment.
     #[error("{count} points are too few (or in one line) for a {kind} alignment")]
     TooFewPoints {
-        /// How many points were given.
+        /// Number of points given.
         count: usize,
         /// `se3` or `sim3`.
         kind: &'static str,
     },
-    /// An image that must be mirrored to be seen upright; a pose only turns.
+    /// An image would have to be mirrored to be seen upright; a pose can only rotate.
     #[error(
         "EXIF orientation {orientation} mirrors the picture, which no camera pose can; save the picture upright"
     )]
     Mirrored {
-        /// The orientation, 1 to 8 where it is one.
+        /// EXIF orientation, 1 to 8 if valid.
         orientation: u8,
     },
     /// Two lists that belong together have different lengths.
@@ -34,9 +34,9 @@ pub enum GeometryError {
     Unpaired {
         /// What is paired, e.g. `cameras`.
         what: &'static str,
-        /// How many on the first side.
+        /// Length of the first list.
         left: usize,
-        /// How many on the second.
+        /// Length of the second list.
         right: usize,
     },
 }

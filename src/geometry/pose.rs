@@ -6,9 +6,9 @@ use super::GeometryError;
 /// A rigid transform `target_from_source`: `x_in_target = rotation · x_in_source + translation`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
-    /// Unit quaternion.
+    /// Rotation, a unit quaternion.
     pub rotation: DQuat,
-    /// In units of the target space.
+    /// Translation, in units of the target space.
     pub translation: DVec3,
 }
 
@@ -19,18 +19,19 @@ impl Default for Pose {
 }
 
 impl Pose {
-    /// The transform that changes nothing.
+    /// The identity transform.
     pub const IDENTITY: Self = Self {
         rotation: DQuat::IDENTITY,
         translation: DVec3::ZERO,
     };
 
-    /// From a 3×3 matrix that is a rotation up to rounding in a file (real files have errors of 2e-4): the nearest
-    /// rotation is taken.
+    /// Creates a pose from a 3×3 matrix that is a rotation up to rounding in a file.
+    ///
+    /// Real files have errors of 2e-4; the nearest rotation is taken.
     ///
     /// # Errors
-    /// [`GeometryError::NotFinite`] for NaN or infinity, [`GeometryError::NotARotation`] beyond a distance of 0.05
-    /// (a reflection or a scaled matrix among them).
+    /// [`GeometryError::NotFinite`] for NaN or infinity, [`GeometryError::NotARotation`] beyond a
+    /// distance of 0.05 (which includes reflections and scaled matrices).
     pub fn from_matrix(rotation: DMat3, translation: DVec3) -> Result<Self, GeometryError> {
         if !rotation.is_finite() || !translation.is_finite() {
             return Err(GeometryError::NotFinite {
@@ -54,7 +55,7 @@ impl Pose {
         })
     }
 
-    /// `source_from_target`.
+    /// Returns the inverse, `source_from_target`.
     #[must_use]
     #[inline]
     pub fn inverse(&self) -> Self {
@@ -65,7 +66,7 @@ impl Pose {
         }
     }
 
-    /// `self · other`: first `other`, then `self`.
+    /// Returns `self · other`: first `other`, then `self`.
     #[must_use]
     #[inline]
     pub fn compose(&self, other: &Self) -> Self {
@@ -75,22 +76,23 @@ impl Pose {
         }
     }
 
-    /// Moves a point from the source space to the target space.
+    /// Transforms a point from the source space to the target space.
     #[must_use]
     #[inline]
     pub fn transform(&self, x_in_source: DVec3) -> DVec3 {
         self.rotation * x_in_source + self.translation
     }
 
-    /// The camera centre in world space when `self` is `camera_from_world`.
+    /// Returns the camera centre in world space, if `self` is `camera_from_world`.
     #[must_use]
     #[inline]
     pub fn centre(&self) -> DVec3 {
         -(self.rotation.conjugate() * self.translation)
     }
 
-    /// This `camera_from_world` for a world whose coordinates are relative to `origin`. The negative origin is the way
-    /// back.
+    /// Returns `camera_from_world` for a world with coordinates relative to `origin`.
+    ///
+    /// The negative origin reverses this.
     #[must_use]
     #[inline]
     pub fn relative_to(&self, origin: DVec3) -> Self {
@@ -100,7 +102,7 @@ impl Pose {
         }
     }
 
-    /// The 4×4 matrix of the transform.
+    /// Returns the 4×4 matrix of the transform.
     #[must_use]
     #[inline]
     pub fn matrix(&self) -> DMat4 {
@@ -108,7 +110,7 @@ impl Pose {
     }
 }
 
-/// The rotation nearest to `matrix` in Frobenius norm (polar decomposition by SVD).
+/// Returns the rotation nearest to `matrix` in Frobenius norm (polar decomposition by SVD).
 pub(super) fn nearest_rotation(matrix: DMat3) -> DMat3 {
     let m = nalgebra::Matrix3::from_column_slice(&matrix.to_cols_array());
     let svd = m.svd(true, true);
@@ -127,7 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn slightly_off_rotation_is_put_right() {
+    fn inexact_rotation_is_corrected() {
         let exact = DMat3::from_rotation_y(0.7);
         let off = exact + DMat3::from_cols_array(&[2e-4; 9]);
         let pose = Pose::from_matrix(off, DVec3::X).unwrap();
@@ -142,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn reflection_and_nan_are_refused() {
+    fn reflection_and_nan_are_rejected() {
         assert!(
             Pose::from_matrix(
                 DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0)),
@@ -171,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn inverse_and_centre() {
+    fn inverse_and_centre_are_consistent() {
         let pose = Pose {
             rotation: DQuat::from_rotation_x(0.3),
             translation: DVec3::new(1.0, 2.0, 3.0),

@@ -3,30 +3,33 @@ use glam::{DMat3, DQuat, DVec3};
 use super::Pose;
 use super::blocks::{BLOCK, Block, Column, Skyline, dot, solve};
 
-/// What was measured between two nodes.
+/// A measured relative pose between two nodes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoseEdge {
-    /// Node that the measured pose leads from.
+    /// Source node of the measured pose.
     pub source: usize,
-    /// Node that it leads to.
+    /// Target node of the measured pose.
     pub target: usize,
-    /// The pose that was measured.
+    /// Measured pose, `target_from_source`.
     pub target_from_source: Pose,
-    /// How much a small movement δ of the source in the axes of the target (rotation vector in radians, then translation)
-    /// displaces the points that the measurement rests on: `δᵀ · information · δ` is their mean squared displacement.
+    /// Information matrix of the measurement.
+    ///
+    /// For a small motion δ of the source in the axes of the target (rotation vector in radians,
+    /// then translation), `δᵀ · information · δ` is the mean squared displacement of the points on
+    /// which the measurement is based.
     pub information: [[f64; 6]; 6],
-    /// How much it counts, above 0.
+    /// Weight, above 0.
     pub weight: f64,
-    /// Whether it is left out by degrees where the others contradict it.
+    /// Whether the edge loses weight if other edges contradict it.
     pub switchable: bool,
 }
 
-/// How a pose graph is solved.
+/// Options of [`solve_pose_graph`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoseGraphOptions {
-    /// Displacement at which a switchable edge counts a quarter, in world units, above 0.
+    /// Displacement at which a switchable edge has a weight of a quarter, in world units, above 0.
     pub switch_distance: f64,
-    /// Steps at most.
+    /// Maximum number of steps.
     pub max_iterations: usize,
 }
 
@@ -42,26 +45,28 @@ impl Default for PoseGraphOptions {
 /// A solved pose graph.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SolvedPoseGraph {
-    /// Of each node.
+    /// Pose of each node.
     pub node_from_world: Vec<Pose>,
-    /// Of each edge: how far it is off, as the root mean square displacement of its points in world units.
+    /// Error of each edge: root mean square displacement of its points, in world units.
     pub displacements: Vec<f64>,
-    /// Of each edge: the share that it counts, 0–1; 1 for those that are not switchable.
+    /// Weight factor of each edge, 0–1; 1 for edges that are not switchable.
     pub shares: Vec<f64>,
-    /// Steps taken.
+    /// Number of steps taken.
     pub iterations: usize,
 }
 
-/// Step relative to the unknowns' scale below which nothing more is gained.
+/// Step size, relative to the scale of the unknowns, below which the solver has converged.
 const CONVERGED: f64 = 1e-9;
 const LEAST_DAMPING: f64 = 1e-9;
 const MOST_DAMPING: f64 = 1e6;
 
-/// Poses of nodes that agree best with what was measured between them, by Levenberg–Marquardt; the nodes in `fixed` stay.
-/// Switchable edges that contradict the others lose their weight as in a line process (S. Choi, Q.-Y. Zhou, V. Koltun,
-/// *Robust Reconstruction of Indoor Scenes*, CVPR 2015). Nodes that no edge ties to a fixed one keep their place.
+/// Computes the node poses that best agree with the measured edges, by Levenberg–Marquardt.
 ///
-/// Edges whose ends are the same or do not exist are left out.
+/// Nodes in `fixed` do not move. Switchable edges that contradict the others lose their weight as
+/// in a line process (S. Choi, Q.-Y. Zhou, V. Koltun, *Robust Reconstruction of Indoor Scenes*,
+/// CVPR 2015). Nodes that are not connected to a fixed one keep their poses.
+///
+/// Edges whose ends are equal or do not exist are ignored.
 #[must_use]
 pub fn solve_pose_graph(
     node_from_world: &[Pose],
@@ -117,11 +122,11 @@ pub fn solve_pose_graph(
 
 struct Graph<'a> {
     edges: Vec<&'a PoseEdge>,
-    /// The block of each node that moves.
+    /// Block of each node that moves.
     block: Vec<Option<usize>>,
-    /// Of each block: the lowest one it shares an edge with.
+    /// Lowest block with which each block shares an edge.
     first: Vec<usize>,
-    /// Squared displacement at which a switchable edge counts a quarter.
+    /// Squared displacement at which a switchable edge has a weight of a quarter.
     switch: f64,
 }
 
@@ -153,7 +158,7 @@ impl<'a> Graph<'a> {
         }
     }
 
-    /// The share that an edge counts.
+    /// Returns the weight factor of an edge.
     fn share(&self, edge: &PoseEdge, squared: f64) -> f64 {
         if edge.switchable {
             (self.switch / (self.switch + squared)).powi(2)
@@ -201,8 +206,9 @@ impl<'a> Graph<'a> {
             .then_some(step)
     }
 
-    /// Adds an edge to the normal equations: its error is displaced by the target's step, less the source's as the target
-    /// sees it.
+    /// Adds an edge to the normal equations.
+    ///
+    /// Its error changes by the target's step minus the source's step in the target's axes.
     fn add(&self, edge: &PoseEdge, poses: &[Pose], matrix: &mut Skyline, right: &mut [Column]) {
         let current = poses[edge.target].compose(&poses[edge.source].inverse());
         let error = difference(&current, &edge.target_from_source);
@@ -225,7 +231,7 @@ impl<'a> Graph<'a> {
             );
         }
         if let (Some(target), Some(source)) = (self.block[edge.target], self.block[edge.source]) {
-            // Rows are the target's, columns the source's; the matrix keeps what is below the diagonal.
+            // Rows are the target's, columns the source's; only the lower triangle is stored.
             let cross = if target > source {
                 weighted
             } else {
@@ -271,7 +277,7 @@ fn transposed(block: &Block) -> Block {
     std::array::from_fn(|row| std::array::from_fn(|column| block[column][row]))
 }
 
-/// A symmetric block times a column.
+/// Multiplies a symmetric block by a column.
 fn times(block: &Block, x: &Column) -> Column {
     block.map(|column| dot(&column, x))
 }
@@ -280,7 +286,7 @@ fn quadratic(block: &Block, x: &Column) -> f64 {
     dot(x, &times(block, x)).max(0.0)
 }
 
-/// A small movement as a pose: rotation vector, then translation.
+/// Converts a small motion (rotation vector, then translation) to a pose.
 fn exp(step: &Column) -> Pose {
     let [a, b, c, x, y, z] = *step;
     Pose {
@@ -289,7 +295,7 @@ fn exp(step: &Column) -> Pose {
     }
 }
 
-/// The movement δ with `to = exp(δ) · from`.
+/// Returns the motion δ with `to = exp(δ) · from`.
 fn difference(to: &Pose, from: &Pose) -> Column {
     let movement = to.compose(&from.inverse());
     let rotation = if movement.rotation.w < 0.0 {
@@ -301,7 +307,9 @@ fn difference(to: &Pose, from: &Pose) -> Column {
     [turn.x, turn.y, turn.z, shift.x, shift.y, shift.z]
 }
 
-/// Columns of the matrix that expresses a small movement of the source in the target's axes.
+/// Returns the matrix, by columns, that converts a small motion to the target's axes.
+///
+/// The motion is one of the source.
 fn adjoint(target_from_source: &Pose) -> Block {
     let rotation = DMat3::from_quat(target_from_source.rotation);
     let shift = target_from_source.translation;
@@ -317,7 +325,9 @@ fn adjoint(target_from_source: &Pose) -> Block {
     std::array::from_fn(column)
 }
 
-/// Mean squared displacement of an edge's points, in squared world units; `None` where it names no two nodes.
+/// Returns the mean squared displacement of an edge's points, in squared world units.
+///
+/// `None` if the edge does not connect two nodes.
 fn squared_displacement(edge: &PoseEdge, poses: &[Pose]) -> Option<f64> {
     let current = poses
         .get(edge.target)?

@@ -1,14 +1,17 @@
-//! Cameras at a pose, ready to project many points.
+//! Posed cameras, prepared to project many points.
 //!
-//! [`PosedCamera`] works in double precision and for every lens. [`Isometry`] and [`Pinhole`] are for loops over the pixels
-//! of images without lens distortion, in single precision: they round differently and do not replace it.
+//! [`PosedCamera`] works in double precision and for every lens. [`Isometry`] and [`Pinhole`] are
+//! for loops over the pixels of images without lens distortion, in single precision. They round
+//! differently and do not replace it.
 
 use glam::{DMat3, DVec2, DVec3, Mat3, Vec2, Vec3};
 
 use super::{Camera, Distortion, Pose};
 
-/// A camera at a pose, with the rotation as a matrix: about twice as fast per point as [`Pose::transform`], which may round
-/// the last bit differently.
+/// A camera at a pose, with the rotation as a matrix.
+///
+/// It is about twice as fast per point as [`Pose::transform`], and may differ from it in the last
+/// bit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PosedCamera {
     /// Intrinsics.
@@ -19,7 +22,7 @@ pub struct PosedCamera {
     pub translation: DVec3,
 }
 
-/// Where a camera sees a point.
+/// Projection of a point into a camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Projection {
     /// Position in pixels, which may lie outside the image.
@@ -29,7 +32,7 @@ pub struct Projection {
 }
 
 impl PosedCamera {
-    /// A camera at `camera_from_world`.
+    /// Creates a camera at `camera_from_world`.
     #[must_use]
     #[inline]
     pub fn new(camera: &Camera, camera_from_world: &Pose) -> Self {
@@ -40,27 +43,29 @@ impl PosedCamera {
         }
     }
 
-    /// The camera centre in world space.
+    /// Returns the camera centre in world space.
     #[must_use]
     #[inline]
     pub fn centre(&self) -> DVec3 {
         self.rotation.transpose() * -self.translation
     }
 
-    /// Moves a point from world space to camera space.
+    /// Transforms a point from world space to camera space.
     #[must_use]
     #[inline]
     pub fn transform(&self, x_in_world: DVec3) -> DVec3 {
         self.rotation * x_in_world + self.translation
     }
 
-    /// Projects a point of the world; `None` where [`Camera::project`] gives none. The position may lie outside the image.
+    /// Projects a point in world space; `None` if [`Camera::project`] returns `None`.
+    ///
+    /// The position may lie outside the image.
     #[must_use]
     #[inline]
     pub fn project(&self, x_in_world: DVec3) -> Option<Projection> {
         let x_in_camera = self.transform(x_in_world);
         let at_px = if matches!(self.camera.distortion, Distortion::None) {
-            // Without the terms of a lens, which would be looked up for every point.
+            // Avoids looking up the terms of a lens for every point.
             if x_in_camera.z.is_nan() || x_in_camera.z <= 0.0 {
                 return None;
             }
@@ -74,7 +79,9 @@ impl PosedCamera {
         })
     }
 
-    /// Whether a ball of the world may show in the image. For lenses with distortion only what lies behind is excluded.
+    /// Returns whether a ball in world space may be visible in the image.
+    ///
+    /// For lenses with distortion, only balls behind the camera are excluded.
     #[must_use]
     pub fn may_see(&self, centre: DVec3, radius: f64) -> bool {
         let c = self.transform(centre);
@@ -86,7 +93,8 @@ impl PosedCamera {
         }
         let (focal, principal) = (self.camera.focal_px, self.camera.principal_px);
         let size = DVec2::new(f64::from(self.camera.width), f64::from(self.camera.height));
-        // The four sides of the viewing pyramid as planes through the camera, normals inwards.
+        // The four sides of the viewing pyramid as planes through the camera, normals pointing
+        // inwards.
         let inside = |lateral: f64, focal: f64, towards: f64| {
             (focal * lateral + towards * c.z) / focal.hypot(towards) > -radius
         };
@@ -96,7 +104,7 @@ impl PosedCamera {
             && inside(-c.y, focal.y, size.y - principal.y)
     }
 
-    /// What a pixel covers at a depth, in world units.
+    /// Returns the size of a pixel at a depth, in world units.
     #[must_use]
     #[inline]
     pub fn footprint(&self, depth: f64) -> f64 {
@@ -107,9 +115,9 @@ impl PosedCamera {
 /// A rigid transform in single precision; see [`Pose`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Isometry {
-    /// As a matrix.
+    /// Rotation, as a matrix.
     pub rotation: Mat3,
-    /// In units of the target space.
+    /// Translation, in units of the target space.
     pub translation: Vec3,
 }
 
@@ -124,7 +132,7 @@ impl From<&Pose> for Isometry {
 }
 
 impl Isometry {
-    /// Moves a point from the source space to the target space.
+    /// Transforms a point from the source space to the target space.
     #[must_use]
     #[inline]
     pub fn transform(&self, x_in_source: Vec3) -> Vec3 {
@@ -132,7 +140,7 @@ impl Isometry {
     }
 }
 
-/// A camera without lens distortion in single precision.
+/// A camera without lens distortion, in single precision.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pinhole {
     /// Focal lengths in pixels.
@@ -144,7 +152,7 @@ pub struct Pinhole {
 }
 
 impl Pinhole {
-    /// The camera without its lens distortion.
+    /// Returns the camera without its lens distortion.
     #[must_use]
     #[inline]
     pub fn new(camera: &Camera) -> Self {
@@ -155,7 +163,9 @@ impl Pinhole {
         }
     }
 
-    /// Pixel position of a point in camera space, which may lie outside the image; `None` behind the camera.
+    /// Projects a point in camera space to pixels; `None` behind the camera.
+    ///
+    /// The position may lie outside the image.
     #[must_use]
     #[inline]
     pub fn project(&self, x_in_camera: Vec3) -> Option<Vec2> {
@@ -165,7 +175,7 @@ impl Pinhole {
         Some(x_in_camera.truncate() / x_in_camera.z * self.focal + self.principal)
     }
 
-    /// [`Self::project`] for positions within the image only.
+    /// Same as [`Self::project`], for positions within the image only.
     #[must_use]
     #[inline]
     pub fn project_inside(&self, x_in_camera: Vec3) -> Option<Vec2> {
@@ -195,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn projects_as_camera_and_pose_do() {
+    fn projection_equals_that_of_camera_and_pose() {
         let pinhole = Camera::pinhole(160, 120, 110.0, 112.0, 83.0, 57.5);
         let lens = Distortion::Radial { k: [-0.2, 0.03] };
         let distorted = Camera {
@@ -217,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn a_point_without_a_place_is_not_seen() {
+    fn points_without_a_projection_are_none() {
         let posed = PosedCamera::new(&Camera::pinhole(8, 8, 8.0, 8.0, 4.0, 4.0), &Pose::IDENTITY);
         for point in [DVec3::NAN, DVec3::ZERO, -DVec3::Z] {
             assert_eq!(posed.project(point), None);
@@ -234,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ball_may_be_seen_where_one_of_its_points_is() {
+    fn ball_is_visible_if_one_of_its_points_is() {
         let camera = Camera::pinhole(160, 120, 110.0, 112.0, 83.0, 57.5);
         let posed = PosedCamera::new(&camera, &pose());
         for point in points() {
@@ -253,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn single_precision_is_near_double() {
+    fn single_precision_is_close_to_double() {
         let camera = Camera::pinhole(160, 120, 110.0, 112.0, 83.0, 57.5);
         let (posed, pinhole) = (PosedCamera::new(&camera, &pose()), Pinhole::new(&camera));
         let isometry = Isometry::from(&pose());

@@ -1,60 +1,68 @@
-//! Random sample consensus: one loop for every model. A model brings how it is fitted to a few correspondences, what it
-//! costs, and how it is refined; same input + seed → same output.
+//! Random sample consensus (RANSAC): one loop for every model.
+//!
+//! A model implements [`Estimator`]: how it is fitted to a few correspondences, its cost, and its
+//! refinement. The same input and seed give the same output.
 
 use pulp::{Simd, WithSimd};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-/// What the loop must know of a model and its correspondences.
+/// A model and its correspondences, as the RANSAC loop needs them.
 pub trait Estimator {
-    /// What is sought.
+    /// The model to estimate.
     type Model: Copy;
-    /// How many correspondences fix a model; at most 8.
+    /// Number of correspondences that determine a model; at most 8.
     const SAMPLE: usize;
 
-    /// How many correspondences there are; the more trustworthy should come first.
+    /// Returns the number of correspondences.
+    ///
+    /// The more trustworthy ones should come first.
     fn count(&self) -> usize;
     /// Appends all models that satisfy the correspondences of a sample.
     fn fit(&self, sample: &[usize], found: &mut Vec<Self::Model>);
-    /// The sum over all correspondences of the squared error, cut off at the squared threshold (MSAC: P. Torr, A.
-    /// Zisserman, *MLESAC*, CVIU 2000). Once the sum passes `enough` any number above it may be returned.
+    /// Returns the sum over all correspondences of the truncated squared error.
+    ///
+    /// Errors are truncated at the squared threshold (MSAC: P. Torr, A. Zisserman, *MLESAC*, CVIU
+    /// 2000). Once the sum exceeds `enough`, any number above it may be returned.
     fn cost(&self, model: &Self::Model, enough: f64) -> f64;
-    /// Correspondences within the threshold, ascending.
+    /// Returns the indices of correspondences within the threshold, ascending.
     fn inliers(&self, model: &Self::Model) -> Vec<u32>;
-    /// A model that fits many correspondences better, found near `model`; `None` if none was found.
+    /// Returns a model near `model` that fits many correspondences better, if there is one.
     fn refine(&self, model: &Self::Model) -> Option<Self::Model>;
 }
 
-/// How long to look.
+/// Options of [`consensus`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RansacOptions {
-    /// Wanted probability of having drawn one sample without outliers, below 1.
+    /// Required probability of having drawn one sample without outliers, below 1.
     pub confidence: f64,
-    /// Samples at most.
+    /// Maximum number of samples.
     pub max_iterations: usize,
-    /// Samples after which the search ends where fewer than `min_inliers` agree.
+    /// Maximum number of samples while fewer than `min_inliers` agree.
     pub max_vain: usize,
-    /// Fewer inliers are no agreement.
+    /// Minimum number of inliers of an accepted model.
     pub min_inliers: usize,
     /// Seed of the samples.
     pub seed: u64,
 }
 
-/// What most correspondences agree on.
+/// Model with the most support.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Consensus<M> {
-    /// The model of least cost.
+    /// Model with the lowest cost.
     pub model: M,
-    /// Its inliers, ascending.
+    /// Indices of its inliers, ascending.
     pub inliers: Vec<u32>,
     /// Its cost.
     pub cost: f64,
 }
 
-/// The model of least cost over random samples, every model that beats the best so far refined over what agrees with it
-/// (O. Chum, J. Matas, J. Kittler, *Locally Optimized RANSAC*, DAGM 2003). Every second sample prefers early
-/// correspondences, in the spirit of O. Chum, J. Matas, *Matching with PROSAC*, CVPR 2005. `None` where fewer than
-/// `min_inliers` agree.
+/// Returns the model with the lowest cost over random samples.
+///
+/// Every model that beats the best so far is refined over its inliers (O. Chum, J. Matas, J.
+/// Kittler, *Locally Optimized RANSAC*, DAGM 2003). Every second sample prefers early
+/// correspondences, in the spirit of O. Chum, J. Matas, *Matching with PROSAC*, CVPR 2005. Returns
+/// `None` if fewer than `min_inliers` agree.
 pub fn consensus<E: Estimator>(
     estimator: &E,
     options: &RansacOptions,
@@ -94,7 +102,7 @@ pub fn consensus<E: Estimator>(
     best.filter(|found| found.inliers.len() >= options.min_inliers)
 }
 
-/// The model that costs least, where it costs less than `enough`.
+/// Returns the model with the lowest cost, if it is below `enough`.
 fn best_of<E: Estimator>(
     estimator: &E,
     models: &[E::Model],
@@ -111,10 +119,12 @@ fn best_of<E: Estimator>(
     best
 }
 
-/// Samples at least: a model of the wrong kind, such as the second motion that a plane allows, can explain most of what
-/// the right one explains, and must have a chance to be beaten.
+/// Minimum number of samples.
+///
+/// A model of the wrong kind, such as the second motion that a plane allows, can explain most of
+/// the correct model's inliers. More samples let the correct one win.
 const MIN_ITERATIONS: usize = 60;
-/// How often the refined model is refined again.
+/// Maximum number of refinements of the best model.
 const REFINEMENTS: usize = 3;
 
 fn optimised<E: Estimator>(
@@ -143,8 +153,10 @@ fn optimised<E: Estimator>(
     }
 }
 
-/// Samples after which one without outliers was drawn with the wanted probability, given the probabilities that a
-/// correspondence of an early and of a uniform sample is an inlier; the two kinds take turns.
+/// Returns the number of samples for the required probability of one without outliers.
+///
+/// `shares` are the probabilities that a correspondence of an early and of a uniform sample is an
+/// inlier; the two kinds alternate.
 fn trials(options: &RansacOptions, shares: [f64; 2], sample: usize) -> usize {
     let power = i32::try_from(sample).unwrap_or(i32::MAX);
     let tainted: f64 = shares
@@ -156,14 +168,14 @@ fn trials(options: &RansacOptions, shares: [f64; 2], sample: usize) -> usize {
         .iter()
         .sum();
     let wanted = 2.0 * (1.0 - options.confidence).max(f64::MIN_POSITIVE).ln() / tainted;
-    // A float beyond the range becomes the largest number.
+    // The cast saturates for floats beyond the range.
     (wanted.ceil() as usize).clamp(
         MIN_ITERATIONS.min(options.max_iterations),
         options.max_iterations,
     )
 }
 
-/// Draws different indices below a count.
+/// Draws distinct indices below a count.
 pub(super) struct Sampler {
     random: Pcg64Mcg,
     count: usize,
@@ -177,17 +189,21 @@ impl Sampler {
         }
     }
 
-    /// Fills `sample` with different indices, each as likely as the others; `sample` may not be longer than the count.
+    /// Fills `sample` with distinct indices, all equally likely.
+    ///
+    /// `sample` must not be longer than the count.
     pub fn uniform(&mut self, sample: &mut [usize]) {
         self.fill(sample, |share| share);
     }
 
-    /// Fills `sample` with different indices, low ones far more often: half of them come from the first eighth.
+    /// Fills `sample` with distinct indices, preferring low ones: half come from the first eighth.
     pub fn early(&mut self, sample: &mut [usize]) {
         self.fill(sample, |share| share * share * share);
     }
 
-    /// The probability that an index of an early and of a uniform sample is among those given.
+    /// Returns the probability that a sampled index is among those given.
+    ///
+    /// The first value is for early samples, the second for uniform ones.
     pub fn shares(&self, places: &[u32]) -> [f64; 2] {
         let count = self.count as f64;
         let below = |place: f64| (place / count).cbrt();
@@ -211,13 +227,15 @@ impl Sampler {
     }
 }
 
-/// Correspondences that are looked at side by side.
+/// Number of correspondences that are processed at once with SIMD.
 pub const LANES: usize = 8;
-/// How many blocks are summed between two checks of the sum.
+/// Number of blocks between two checks of the sum.
 const BLOCKS_BETWEEN_CHECKS: usize = 8;
 
-/// Sum of squared errors cut off at a limit, for [`Estimator::cost`]. Correspondences lie in blocks of [`LANES`],
-/// of which the last may have places without one: their error is NaN, and they count nothing.
+/// Sum of squared errors truncated at a limit, for [`Estimator::cost`].
+///
+/// Correspondences are stored in blocks of [`LANES`]. Unused lanes of the last block must have NaN
+/// as their error; they do not count.
 pub struct Cutoff<'a, B, E> {
     blocks: &'a [B],
     count: usize,
@@ -227,8 +245,9 @@ pub struct Cutoff<'a, B, E> {
 }
 
 impl<'a, B, E: Fn(&B) -> [f64; LANES]> Cutoff<'a, B, E> {
-    /// Of `count` correspondences in blocks, whose squared errors `errors` gives; cut off at `limit`, and free to end
-    /// early above `enough`.
+    /// Sums over `count` correspondences in blocks, whose squared errors `errors` computes.
+    ///
+    /// Errors are truncated at `limit`; the sum may end early above `enough`.
     pub fn new(blocks: &'a [B], count: usize, [limit, enough]: [f64; 2], errors: E) -> Self {
         Self {
             blocks,
@@ -275,7 +294,7 @@ impl<B, E: Fn(&B) -> [f64; LANES]> WithSimd for Cutoff<'_, B, E> {
     }
 }
 
-/// Places of correspondences whose squared error is below a limit, ascending.
+/// Returns the indices of correspondences whose squared error is below a limit, ascending.
 pub fn within<B>(blocks: &[B], limit: f64, errors: impl Fn(&B) -> [f64; LANES]) -> Vec<u32> {
     let mut places = Vec::new();
     for (at, block) in blocks.iter().enumerate() {

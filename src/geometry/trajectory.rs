@@ -7,18 +7,18 @@ use super::{Alignment, GeometryError, Pose, Similarity};
 /// Statistics of a list of errors, all ≥ 0; zeros for an empty list.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct ErrorStatistics {
-    /// Root of the mean square.
+    /// Root mean square.
     pub rmse: f64,
     /// Mean.
     pub mean: f64,
-    /// Median; of an even number the mean of the middle two.
+    /// Median; for an even number the mean of the two middle values.
     pub median: f64,
-    /// Largest.
+    /// Maximum.
     pub max: f64,
 }
 
 impl ErrorStatistics {
-    /// Statistics of `errors`, whose order does not matter.
+    /// Computes the statistics of `errors`, in any order.
     #[must_use]
     pub fn of(errors: &[f64]) -> Self {
         if errors.is_empty() {
@@ -36,29 +36,30 @@ impl ErrorStatistics {
     }
 }
 
-/// How far a list of cameras is from the true one.
+/// Error of a list of cameras relative to the ground truth.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TrajectoryError {
     /// Number of cameras compared.
     pub count: usize,
-    /// `truth_world_from_result_world` that was applied before comparing.
+    /// Alignment applied before the comparison, `truth_world_from_result_world`.
     pub alignment: Similarity,
-    /// Distances between camera centres, in units of the truth.
+    /// Distances between camera centres, in units of the ground truth.
     pub centre: ErrorStatistics,
-    /// Angles between camera rotations in degrees.
+    /// Angles between camera rotations, degrees.
     pub rotation_deg: ErrorStatistics,
-    /// The same with rotations aligned to each other by themselves, whatever the centres say, as is usual in rotation averaging
-    /// (R. Hartley et al., *Rotation Averaging*, IJCV 2013).
+    /// Angles between camera rotations that are aligned without the centres, degrees.
+    ///
+    /// This is usual in rotation averaging (R. Hartley et al., *Rotation Averaging*, IJCV 2013).
     pub own_rotation_deg: ErrorStatistics,
-    /// The largest distance of a true centre from their centroid: what centre errors are set in relation to.
+    /// Largest distance of a true centre from their centroid, the scale for centre errors.
     pub extent: f64,
 }
 
 impl TrajectoryError {
-    /// Compares `result[i]` with `truth[i]` (both `camera_from_world`) after laying the centres onto each other.
+    /// Compares `result[i]` with `truth[i]` (both `camera_from_world`) after aligning the centres.
     ///
     /// # Errors
-    /// As [`Similarity::align`] for the camera centres.
+    /// Same as [`Similarity::align`] for the camera centres.
     pub fn between(
         result: &[Pose],
         truth: &[Pose],
@@ -71,12 +72,15 @@ impl TrajectoryError {
         ))
     }
 
-    /// The same after turning the whole by centres and orientations: about the line along which a path runs, the centres alone
-    /// hardly determine the turn. The squares of distances and of (small) angles are summed, with the centres' distance from their
-    /// centroid (root of the mean square) as the distance that a radian counts. Scale and shift are those of the centres.
+    /// Compares `result[i]` with `truth[i]` after aligning by centres and orientations.
+    ///
+    /// If the centres lie along a line, they hardly determine the rotation about that line. Squared
+    /// distances and (small) angles are therefore summed; a radian counts as the root mean square
+    /// distance of the centres from their centroid. Scale and translation are those of the centres.
     ///
     /// # Errors
-    /// As [`Similarity::align`] for the camera centres, but that two cameras and cameras in one line will do.
+    /// Same as [`Similarity::align`] for the camera centres, except that two cameras and collinear
+    /// cameras are accepted.
     pub fn between_poses(
         result: &[Pose],
         truth: &[Pose],
@@ -143,8 +147,11 @@ fn mean(points: &[DVec3]) -> DVec3 {
     points.iter().sum::<DVec3>() / points.len().max(1) as f64
 }
 
-/// For each camera the six ends of a cross along its axes. Where a camera lies off, all six do by as much; where it is turned by a
-/// small angle, they do so, in the sum of squares, as if it lay off by that angle times the centres' distance from their centroid.
+/// Returns, for each camera, the six ends of a cross along its axes.
+///
+/// If a camera is displaced, all six ends are displaced equally. If it is rotated by a small angle,
+/// the sum of squares is as if it were displaced by that angle times the centres' distance from
+/// their centroid.
 fn pegs(poses: &[Pose]) -> Vec<DVec3> {
     let centres = centres(poses);
     let centroid = mean(&centres);
@@ -163,8 +170,9 @@ fn pegs(poses: &[Pose]) -> Vec<DVec3> {
     poses.iter().flat_map(ends).flatten().collect()
 }
 
-/// The rotation of the world that brings all orientations nearest to the true ones, in the sum of squares of the matrices'
-/// differences.
+/// Returns the rotation of the world that best aligns all orientations with the true ones.
+///
+/// It minimises the sum of squared differences of the matrices.
 fn mean_between(own: &[DQuat], wanted: &[DQuat]) -> DQuat {
     let between = own
         .iter()
@@ -173,7 +181,7 @@ fn mean_between(own: &[DQuat], wanted: &[DQuat]) -> DQuat {
     DQuat::from_mat3(&nearest_rotation(between.sum()))
 }
 
-/// Angles between rotations in degrees; exact for small angles too.
+/// Returns angles between rotations in degrees; exact for small angles too.
 fn angles_deg(a: &[DQuat], b: &[DQuat]) -> Vec<f64> {
     let angle = |(a, b): (&DQuat, &DQuat)| {
         let between = a.conjugate() * *b;
@@ -201,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn a_moved_and_scaled_trajectory_is_without_error_only_after_sim3() {
+    fn moved_and_scaled_trajectory_has_no_error_only_after_sim3() {
         let truth = circle();
         let world = Similarity {
             scale: 0.25,
@@ -230,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn one_camera_off_shows_in_the_statistics() {
+    fn single_wrong_camera_shows_in_the_statistics() {
         let truth = circle();
         let mut result = truth.clone();
         let turn = Pose {
@@ -243,7 +251,7 @@ mod tests {
         assert!((error.rotation_deg.mean - 2.0 / 12.0).abs() < 1e-9 && error.centre.max < 1e-12);
     }
 
-    /// Cameras along the x axis that look to all sides.
+    /// Returns cameras along the x axis that look in all directions.
     fn line() -> Vec<Pose> {
         let camera = |i: f64| {
             let rotation = DQuat::from_rotation_y(0.1 * i);
@@ -256,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn orientations_tell_the_turn_about_the_line_of_a_path() {
+    fn orientations_determine_the_rotation_about_a_straight_path() {
         let truth = line();
         let world = Similarity {
             scale: 2.0,
@@ -291,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn centres_and_orientations_that_disagree_meet_in_the_middle() {
+    fn contradicting_centres_and_orientations_are_balanced() {
         let (truth, angle) = (line(), 0.01);
         let turned = |pose: &Pose| {
             let centre = DQuat::from_rotation_z(angle) * pose.centre();
@@ -309,10 +317,11 @@ mod tests {
     }
 
     #[test]
-    fn orientations_by_themselves_do_not_ask_the_centres() {
+    fn own_rotation_error_does_not_depend_on_the_centres() {
         let truth = circle();
         let turned = |(i, pose): (usize, &Pose)| {
-            // All centres about a line elsewhere, all orientations turned alike, every third camera a little more.
+            // All centres rotated about a line elsewhere, all orientations rotated equally, every
+            // third camera a little more.
             let more = if i % 3 == 0 { 0.02 } else { 0.0 };
             let rotation =
                 DQuat::from_rotation_z(more) * pose.rotation * DQuat::from_rotation_y(2.0);
@@ -332,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn statistics_by_hand() {
+    fn statistics_match_values_computed_by_hand() {
         let statistics = ErrorStatistics::of(&[4.0, 1.0, 2.0, 1.0]);
         assert_eq!(
             (statistics.mean, statistics.median, statistics.max),

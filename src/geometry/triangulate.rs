@@ -1,4 +1,4 @@
-//! Points from where several cameras see them.
+//! Triangulation of points from several views.
 
 use glam::{DMat3, DVec2, DVec3};
 use rand::{RngExt, SeedableRng};
@@ -7,27 +7,28 @@ use rand_pcg::Pcg64Mcg;
 use crate::solvers::{Linearised, Problem, minimise};
 use crate::{Camera, Pose};
 
-/// Where one camera sees a point.
+/// Observation of a point by one camera.
 #[derive(Debug, Clone, Copy)]
 pub struct Sighting<'a> {
-    /// The camera's intrinsics.
+    /// Intrinsics of the camera.
     pub camera: &'a Camera,
-    /// The camera's pose.
+    /// Pose of the camera.
     pub camera_from_world: &'a Pose,
-    /// Position in pixels.
+    /// Position, pixels.
     pub at_px: DVec2,
-    /// The same on the plane z = 1, lens distortion removed.
+    /// Position on the plane z = 1, without lens distortion.
     pub at_plane: DVec2,
 }
 
 impl Sighting<'_> {
-    /// Direction of the ray in world space, length 1.
+    /// Returns the direction of the ray in world space, length 1.
     pub(super) fn direction(&self) -> DVec3 {
         self.camera_from_world.rotation.conjugate() * self.at_plane.extend(1.0).normalize()
     }
 
-    /// Squared distance in pixels between where a point is seen and where it would be, on the plane z = 1; infinite
-    /// behind the camera.
+    /// Returns the squared reprojection error in pixels, measured on the plane z = 1.
+    ///
+    /// Infinite behind the camera.
     pub(super) fn error_squared(&self, position: DVec3) -> f64 {
         let x = self.camera_from_world.transform(position);
         if x.z > 0.0 {
@@ -42,15 +43,19 @@ impl Sighting<'_> {
     }
 }
 
-/// Steps of refinement.
+/// Number of refinement steps.
 const STEPS: usize = 5;
-/// Below this share of the views, the smallest eigenvalue of the rays' equations means that the rays are parallel: the
-/// square of about 1e-5 radians.
+/// Smallest eigenvalue of the rays' equations, per view, below which the rays are parallel.
+///
+/// This is the square of about 1e-5 radians.
 const PARALLEL: f64 = 1e-10;
 
-/// The point nearest to all rays, then with the least squared reprojection error (R. Hartley, P. Sturm, *Triangulation*,
-/// CVIU 1997, by Levenberg–Marquardt instead of a polynomial); errors are measured on the plane z = 1 in units of the
-/// focal length. `None` for fewer than two views, for parallel rays, and where the point lies behind a camera.
+/// Triangulates the point with the least squared reprojection error.
+///
+/// The start is the point nearest to all rays (R. Hartley, P. Sturm, *Triangulation*, CVIU 1997,
+/// with Levenberg–Marquardt instead of a polynomial). Errors are measured on the plane z = 1 in
+/// units of the focal length. Returns `None` for fewer than two views, for parallel rays, and if
+/// the point lies behind a camera.
 #[must_use]
 pub fn triangulate(views: &[Sighting]) -> Option<DVec3> {
     let start = nearest_to_rays(views)?;
@@ -72,7 +77,7 @@ fn in_front(views: &[Sighting], position: DVec3) -> bool {
             .all(|view| view.camera_from_world.transform(position).z > 0.0)
 }
 
-/// The point with the least squared distance from all rays.
+/// Returns the point with the least squared distance from all rays.
 pub(super) fn nearest_to_rays(views: &[Sighting]) -> Option<DVec3> {
     let (mut across, mut towards) = (DMat3::ZERO, DVec3::ZERO);
     for view in views {
@@ -81,7 +86,8 @@ pub(super) fn nearest_to_rays(views: &[Sighting]) -> Option<DVec3> {
         across += off;
         towards += off * view.camera_from_world.centre();
     }
-    // Two eigenvalues are near the number of views; the third is small for nearly parallel rays.
+    // Two eigenvalues are close to the number of views; the third is small for nearly parallel
+    // rays.
     let count = views.len() as f64;
     let parallel = across.determinant() <= PARALLEL * count * count * count;
     let position = across.inverse() * towards;
@@ -125,7 +131,9 @@ impl Problem<3> for Nearness<'_> {
     }
 }
 
-/// The largest angle in radians under which a point sees two camera centres; 0 for fewer than two.
+/// Returns the largest angle between two camera centres as seen from a point, radians.
+///
+/// Returns 0 for fewer than two centres.
 #[must_use]
 pub fn largest_angle(position: DVec3, centres: &[DVec3]) -> f64 {
     let mut least: f64 = 1.0;
@@ -141,12 +149,12 @@ pub fn largest_angle(position: DVec3, centres: &[DVec3]) -> f64 {
     least.clamp(-1.0, 1.0).acos()
 }
 
-/// When sightings agree.
+/// Options of [`triangulate_robust`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TriangulationOptions {
-    /// Largest reprojection error of an inlier in pixels.
+    /// Maximum reprojection error of an inlier, pixels.
     pub max_error_px: f64,
-    /// Least angle between the two rays that are farthest apart, in radians.
+    /// Minimum angle between the two rays that are farthest apart, radians.
     pub min_angle: f64,
 }
 
@@ -159,24 +167,28 @@ impl Default for TriangulationOptions {
     }
 }
 
-/// A point and who sees it.
+/// A triangulated point and its inliers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Triangulated {
-    /// In world space.
+    /// Position in world space.
     pub position: DVec3,
-    /// Indices of the sightings that agree, ascending.
+    /// Indices of the observations that agree, ascending.
     pub inliers: Vec<u32>,
 }
 
-/// With more views than this, pairs are drawn instead of all tried; as many as this many views have.
+/// Number of views above which pairs are sampled.
+///
+/// The number of samples is the number of pairs of this many views.
 const ALL_PAIRS: usize = 15;
 const MOST_PAIRS: usize = ALL_PAIRS * (ALL_PAIRS - 1) / 2;
-/// Seed of the draw: the same track is always the same point.
+/// Seed of the samples: the same track always gives the same point.
 const SEED: u64 = 0;
 
-/// The point on which most sightings of a track agree, which may hold wrong ones: pairs of rays are met, those with the
-/// widest angle first, and the point that most sightings see within `max_error_px` is refined over them. `None` where
-/// fewer than two agree, or none of their rays are `min_angle` apart.
+/// Triangulates a track that may contain wrong observations.
+///
+/// Pairs of rays are intersected, those with the widest angle first. The point with the most
+/// observations within `max_error_px` is refined over them. Returns `None` if fewer than two agree,
+/// or if none of their rays are `min_angle` apart.
 #[must_use]
 pub fn triangulate_robust(
     views: &[Sighting],
@@ -209,7 +221,7 @@ pub fn triangulate_robust(
     agreed(views, &best?.0, options)
 }
 
-/// The point refined over its inliers, if these hold.
+/// Refines a point over its inliers; returns `None` if they no longer agree.
 fn agreed(
     views: &[Sighting],
     inliers: &[u32],
@@ -234,7 +246,7 @@ fn agreed(
     })
 }
 
-/// Pairs of views whose rays are at least half of `min_angle` apart, the widest first.
+/// Returns pairs of views whose rays are at least half of `min_angle` apart, widest first.
 fn pairs_by_angle(views: &[Sighting], min_angle: f64) -> Vec<[usize; 2]> {
     let directions: Vec<DVec3> = views.iter().map(Sighting::direction).collect();
     let widest = (0.5 * min_angle).cos();
@@ -257,7 +269,7 @@ fn pairs_by_angle(views: &[Sighting], min_angle: f64) -> Vec<[usize; 2]> {
             consider(i, (i + step) % views.len());
         }
     }
-    // A right angle meets best; beyond it rays run towards each other again.
+    // A right angle is best; beyond it, rays become parallel again.
     pairs.sort_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
     pairs.into_iter().map(|(pair, _)| pair).collect()
 }

@@ -2,10 +2,10 @@ use glam::{DMat2, DQuat, DVec2, DVec3, Vec2Swizzles};
 
 use super::{Camera, GeometryError, Pose};
 
-/// A rotation of an image by a multiple of 90°, as a viewer sees it.
+/// A rotation of an image by a multiple of 90°, as seen by the viewer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Turn {
-    /// Not turned.
+    /// No rotation.
     #[default]
     None,
     /// 90° clockwise.
@@ -17,10 +17,11 @@ pub enum Turn {
 }
 
 impl Turn {
-    /// Returns the turn that shows a stored image of EXIF orientation `orientation` (1 to 8) upright.
+    /// Returns the rotation that shows a stored image of EXIF orientation `orientation` upright.
     ///
     /// # Errors
-    /// [`GeometryError::Mirrored`] for 2, 4, 5 and 7 and for invalid values: no pose mirrors an image.
+    /// [`GeometryError::Mirrored`] for 2, 4, 5 and 7 and for values other than 1 to 8: no pose
+    /// mirrors an image.
     #[inline]
     pub fn from_exif(orientation: u8) -> Result<Self, GeometryError> {
         match orientation {
@@ -32,7 +33,7 @@ impl Turn {
         }
     }
 
-    /// Returns the inverse turn.
+    /// Returns the inverse rotation.
     #[must_use]
     #[inline]
     pub fn inverse(self) -> Self {
@@ -43,7 +44,7 @@ impl Turn {
         }
     }
 
-    /// Returns the position after the turn of a position in an image of `width` × `height` pixels.
+    /// Rotates a position in an image of `width` × `height` pixels.
     #[must_use]
     #[inline]
     pub fn turn_px(self, at_px: DVec2, width: u32, height: u32) -> DVec2 {
@@ -56,7 +57,7 @@ impl Turn {
         }
     }
 
-    /// The turn of the plane z = 1 (x right, y down).
+    /// Returns the rotation of the plane z = 1 (x right, y down).
     fn matrix(self) -> DMat2 {
         match self {
             Self::None => DMat2::IDENTITY,
@@ -66,7 +67,7 @@ impl Turn {
         }
     }
 
-    /// `turned_camera_from_camera`.
+    /// Returns the pose `turned_camera_from_camera`.
     #[must_use]
     #[inline]
     pub fn pose(self) -> Pose {
@@ -85,7 +86,7 @@ impl Turn {
 }
 
 impl Camera {
-    /// The intrinsics of the image after the turn. The pose changes with it: [`Pose::turned`].
+    /// Returns the intrinsics of the rotated image; for the pose see [`Pose::turned`].
     #[must_use]
     pub fn turned(&self, turn: Turn) -> Self {
         if turn == Turn::None {
@@ -114,7 +115,7 @@ impl Camera {
 }
 
 impl Pose {
-    /// `camera_from_world` of the camera after its image was turned.
+    /// Returns `camera_from_world` of the camera whose image was rotated.
     #[must_use]
     #[inline]
     pub fn turned(&self, turn: Turn) -> Self {
@@ -143,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turned_camera_sees_the_turned_picture() {
+    fn rotated_camera_sees_the_rotated_image() {
         let (camera, pose) = (
             camera(),
             Pose {
@@ -175,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn turning_back_restores_the_camera() {
+    fn inverse_rotation_restores_the_camera() {
         for turn in [Turn::None, Turn::Clockwise, Turn::Half, Turn::Anticlockwise] {
             assert_eq!(camera().turned(turn).turned(turn.inverse()), camera());
             let pose = Pose {
@@ -192,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn mirrored_orientations_are_refused() {
+    fn mirrored_orientations_are_rejected() {
         for orientation in [0, 2, 4, 5, 7, 9] {
             assert!(Turn::from_exif(orientation).is_err());
         }

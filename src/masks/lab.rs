@@ -1,4 +1,4 @@
-//! sRGB to CIE Lab (D65), planes of f32.
+//! Conversion from sRGB to CIE Lab (D65), in f32.
 
 use std::sync::LazyLock;
 
@@ -33,7 +33,7 @@ static CURVE: LazyLock<Vec<f32>> = LazyLock::new(|| {
         .collect()
 });
 
-/// The picture in CIE Lab: L 0–100, a and b about −100 to 100.
+/// Converts an image to CIE Lab: L 0–100, a and b about −100 to 100.
 pub(crate) fn lab_of(image: &Image) -> Vec<[f32; 3]> {
     image
         .pixels
@@ -43,7 +43,7 @@ pub(crate) fn lab_of(image: &Image) -> Vec<[f32; 3]> {
         .collect()
 }
 
-/// One sRGB pixel in CIE Lab.
+/// Converts one sRGB pixel to CIE Lab.
 #[inline]
 pub fn lab_of_pixel(pixel: [u8; 3]) -> [f32; 3] {
     let curve = &*CURVE;
@@ -59,7 +59,7 @@ pub fn lab_of_pixel(pixel: [u8; 3]) -> [f32; 3] {
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
 }
 
-/// Squared Euclidean distance of two Lab colours (ΔE 1976, squared).
+/// Returns the squared Euclidean distance of two Lab colours (ΔE 1976, squared).
 #[inline]
 pub fn squared_difference(a: [f32; 3], b: [f32; 3]) -> f32 {
     let d = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn known_colours_have_their_lab_values() {
+    fn reference_colours_have_their_lab_values() {
         let image = Image {
             width: 3,
             height: 1,

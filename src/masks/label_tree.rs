@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::MaskError;
 
-/// Names a label in masks and clouds; 0 = nothing.
+/// Identifies a label in masks and clouds; 0 = unlabelled.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize,
 )]
@@ -16,59 +16,66 @@ impl LabelId {
     pub const NONE: Self = Self(0);
 }
 
-/// A node of the label tree (semantic › instance › part).
+/// A node of the label tree (class › instance › part).
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Label {
-    /// Its id, never 0.
+    /// Id, never 0.
     pub id: LabelId,
-    /// Unique in the tree, not empty, no line break.
+    /// Name: unique in the tree, not empty, no line break.
     pub name: String,
-    /// sRGB.
+    /// Colour, sRGB.
     pub color: [u8; 3],
-    /// `None` = top level.
+    /// Parent label; `None` for the top level.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub parent: Option<LabelId>,
 }
 
-/// All labels of a project, by id. Invariants: names are unique, parents exist, no circles. Stored as a list of
-/// labels; a list that breaks an invariant is refused.
+/// All labels of a project, by id.
+///
+/// Invariants: names are unique, parents exist, there are no cycles. The tree is serialised as a
+/// list of labels; a list that breaks an invariant is rejected.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(into = "Vec<Label>", try_from = "Vec<Label>")]
 pub struct LabelTree {
     labels: BTreeMap<LabelId, Label>,
-    /// Ids by name, so that a check of one name does not compare it with all: files can list 65,535 labels.
+    /// Ids by name.
+    ///
+    /// Without it, checking one name would compare it with all; files can list 65,535 labels.
     ids: BTreeMap<String, LabelId>,
 }
 
-/// Most labels that an error names.
+/// Maximum number of labels that an error lists.
 const MOST_NAMED: usize = 10;
 
-/// Labels lie at most this deep. Every walk to the top level costs as many steps, so that a file of 65,535 labels in one
-/// chain would take minutes.
+/// Maximum depth of a label in the tree.
+///
+/// Every walk to the top level takes as many steps as the label is deep; a file with 65,535 labels
+/// in one chain would take minutes.
 pub const MAX_DEPTH: usize = 64;
 
 impl LabelTree {
-    /// All labels, ordered by id.
+    /// Returns all labels, ordered by id.
     pub fn iter(&self) -> impl Iterator<Item = &Label> {
         self.labels.values()
     }
 
-    /// The label with this id.
+    /// Returns the label with this id.
     #[must_use]
     pub fn get(&self, id: LabelId) -> Option<&Label> {
         self.labels.get(&id)
     }
 
-    /// The label with this name.
+    /// Returns the label with this name.
     #[must_use]
     pub fn by_name(&self, name: &str) -> Option<&Label> {
         self.labels.get(self.ids.get(name)?)
     }
 
-    /// Puts `label` in the place of its id, checking every invariant.
+    /// Inserts `label`, or replaces the label with the same id.
     ///
     /// # Errors
-    /// [`MaskError::Label`] for id 0, an empty or taken name, a missing parent, a circle, a depth above 64.
+    /// [`MaskError::Label`] for id 0, an empty or taken name, a missing parent, a cycle, or a depth
+    /// above [`MAX_DEPTH`].
     pub fn set(&mut self, label: Label) -> Result<(), MaskError> {
         self.check(&label)?;
         self.ids.insert(label.name.clone(), label.id);
@@ -83,10 +90,10 @@ impl LabelTree {
         Ok(())
     }
 
-    /// Takes a label out.
+    /// Removes a label.
     ///
     /// # Errors
-    /// [`MaskError::Label`] when it is not there or has children.
+    /// [`MaskError::Label`] if the label does not exist or has children.
     pub fn remove(&mut self, id: LabelId) -> Result<Label, MaskError> {
         if let Some(child) = self.labels.values().find(|label| label.parent == Some(id)) {
             return Err(MaskError::Label(format!(
@@ -102,8 +109,10 @@ impl LabelTree {
         Ok(label)
     }
 
-    /// The id after the highest in use; once 65535 is taken, the lowest that is free; [`LabelId::NONE`] (which
-    /// [`Self::set`] refuses) when none is.
+    /// Returns a free id: the one after the highest in use.
+    ///
+    /// Once 65535 is taken, returns the lowest free id, or [`LabelId::NONE`] (which [`Self::set`]
+    /// rejects) if there is none.
     #[must_use]
     pub fn next_id(&self) -> LabelId {
         let highest = self.labels.keys().next_back().map_or(0, |id| id.0);
@@ -116,14 +125,14 @@ impl LabelTree {
         .unwrap_or_default()
     }
 
-    /// Labels directly below `parent` (`None` = the top level), ordered by id.
+    /// Returns the labels directly below `parent` (`None` = top level), ordered by id.
     pub fn children(&self, parent: Option<LabelId>) -> impl Iterator<Item = &Label> {
         self.labels
             .values()
             .filter(move |label| label.parent == parent)
     }
 
-    /// All labels below `id`, each before its own children; without `id` itself.
+    /// Returns all labels below `id`, parents before their children; `id` itself is not included.
     #[must_use]
     pub fn descendants(&self, id: LabelId) -> Vec<LabelId> {
         let mut found = Vec::new();
@@ -138,13 +147,13 @@ impl LabelTree {
         found
     }
 
-    /// Whether `ancestor` lies above `id`; a label is not its own ancestor.
+    /// Returns whether `ancestor` lies above `id`; a label is not its own ancestor.
     #[must_use]
     pub fn is_ancestor(&self, ancestor: LabelId, id: LabelId) -> bool {
         ancestor != id && self.path(id).contains(&ancestor)
     }
 
-    /// Names from the top level down, as shown to people: `rice › stem 1`; empty for an unknown id.
+    /// Returns the names from the top level down, such as `rice › stem 1`; empty for an unknown id.
     #[must_use]
     pub fn name_path(&self, id: LabelId) -> String {
         let names: Vec<&str> = self
@@ -155,10 +164,10 @@ impl LabelTree {
         names.join(" › ")
     }
 
-    /// Gives a label another name.
+    /// Renames a label.
     ///
     /// # Errors
-    /// As [`Self::set`], and when there is no such label.
+    /// Same as [`Self::set`], and if there is no such label.
     pub fn rename(&mut self, id: LabelId, name: &str) -> Result<(), MaskError> {
         let label = self.known(id)?.clone();
         self.set(Label {
@@ -167,31 +176,31 @@ impl LabelTree {
         })
     }
 
-    /// Gives a label another colour (sRGB).
+    /// Changes the colour of a label (sRGB).
     ///
     /// # Errors
-    /// [`MaskError::Label`] when there is no such label.
+    /// [`MaskError::Label`] if there is no such label.
     pub fn recolor(&mut self, id: LabelId, color: [u8; 3]) -> Result<(), MaskError> {
         let label = self.known(id)?.clone();
         self.set(Label { color, ..label })
     }
 
-    /// Moves a label, with all below it, under another parent (`None` = to the top level).
+    /// Moves a label and everything below it to another parent (`None` = top level).
     ///
     /// # Errors
-    /// As [`Self::set`], and when there is no such label.
+    /// Same as [`Self::set`], and if there is no such label.
     pub fn reparent(&mut self, id: LabelId, parent: Option<LabelId>) -> Result<(), MaskError> {
         let label = self.known(id)?.clone();
         self.set(Label { parent, ..label })
     }
 
-    /// Depth of a label: 1 = top level; 0 for [`LabelId::NONE`] or an unknown id.
+    /// Returns the depth of a label: 1 = top level; 0 for [`LabelId::NONE`] or an unknown id.
     #[must_use]
     pub fn depth(&self, id: LabelId) -> usize {
         self.path(id).len()
     }
 
-    /// Ids from the top level down to `id`; empty for an unknown id.
+    /// Returns the ids from the top level down to `id`; empty for an unknown id.
     #[must_use]
     pub fn path(&self, id: LabelId) -> Vec<LabelId> {
         let mut path: Vec<LabelId> =
@@ -202,7 +211,7 @@ impl LabelTree {
         path
     }
 
-    /// The label as read at `level` (1 = top): its ancestor there, itself where it is not deeper.
+    /// Returns the ancestor of a label at `level` (1 = top), or the label if it is not deeper.
     #[must_use]
     pub fn at_level(&self, id: LabelId, level: usize) -> LabelId {
         let path = self.path(id);
@@ -213,7 +222,7 @@ impl LabelTree {
         }
     }
 
-    /// A colour for a new label, far from those in use for the first dozens of ids.
+    /// Returns a colour for a new label; colours of the first dozens of ids are far apart.
     #[must_use]
     pub fn color_for(id: LabelId) -> [u8; 3] {
         const PALETTE: [[u8; 3]; 12] = [
@@ -285,7 +294,7 @@ impl From<LabelTree> for Vec<Label> {
 impl TryFrom<Vec<Label>> for LabelTree {
     type Error = MaskError;
 
-    /// Takes labels in any order: a child may stand before its parent.
+    /// Accepts labels in any order: a child may come before its parent.
     fn try_from(labels: Vec<Label>) -> Result<Self, MaskError> {
         if let Some(id) = repeated_id(&labels) {
             return Err(MaskError::Label(format!(
@@ -353,7 +362,7 @@ mod tests {
     }
 
     #[test]
-    fn tree_questions() {
+    fn queries_follow_the_hierarchy() {
         let tree = rice();
         assert_eq!(tree.name_path(LabelId(3)), "rice › panicle › grain");
         assert_eq!(tree.name_path(LabelId(77)), "");
@@ -396,7 +405,7 @@ mod tests {
     }
 
     #[test]
-    fn the_highest_id_taken_does_not_shadow_a_label() {
+    fn next_id_is_the_lowest_free_one_once_the_highest_is_taken() {
         let mut tree = rice();
         assert_eq!(tree.next_id(), LabelId(10));
         tree.set(label(u16::MAX, "last", None)).unwrap();
@@ -404,7 +413,7 @@ mod tests {
     }
 
     #[test]
-    fn broken_lists_are_refused_when_read() {
+    fn lists_that_break_an_invariant_are_rejected() {
         let text = serde_json::to_string(&rice()).unwrap();
         assert_eq!(serde_json::from_str::<LabelTree>(&text).unwrap(), rice());
         for broken in [
@@ -421,7 +430,7 @@ mod tests {
     }
 
     #[test]
-    fn toml_holds_a_readable_list() {
+    fn toml_is_a_readable_list() {
         #[derive(Serialize, Deserialize, PartialEq, Debug)]
         struct File {
             labels: LabelTree,

@@ -2,19 +2,19 @@ use std::collections::BTreeMap;
 
 use super::{LabelId, LabelTree, Region};
 
-/// A label for every pixel of one frame, row by row.
+/// Label id of every pixel of one frame, row by row.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LabelMask {
-    /// Columns.
+    /// Number of columns.
     pub width: u32,
-    /// Rows.
+    /// Number of rows.
     pub height: u32,
-    /// `width · height` ids; 0 = nothing.
+    /// `width · height` ids; 0 = unlabelled.
     pub ids: Vec<LabelId>,
 }
 
 impl LabelMask {
-    /// A mask with no label anywhere.
+    /// Returns a mask without labels.
     #[must_use]
     #[inline]
     pub fn empty(width: u32, height: u32) -> Self {
@@ -25,14 +25,14 @@ impl LabelMask {
         }
     }
 
-    /// The id in column `x`, row `y`.
+    /// Returns the id in column `x`, row `y`.
     #[must_use]
     #[inline]
     pub fn at(&self, x: u32, y: u32) -> LabelId {
         self.ids[y as usize * self.width as usize + x as usize]
     }
 
-    /// The pixels of one label.
+    /// Returns the pixels of one label.
     #[must_use]
     #[inline]
     pub fn region(&self, id: LabelId) -> Region {
@@ -43,7 +43,7 @@ impl LabelMask {
         }
     }
 
-    /// The pixels of a label and of all labels below it in the tree.
+    /// Returns the pixels of a label and of all labels below it in the tree.
     #[must_use]
     #[inline]
     pub fn region_with_parts(&self, id: LabelId, tree: &LabelTree) -> Region {
@@ -62,7 +62,7 @@ impl LabelMask {
         }
     }
 
-    /// Every label as read at `level` (1 = top): its ancestor there, itself where it is not deeper.
+    /// Replaces every label by its ancestor at `level` (1 = top); labels that are not deeper stay.
     #[must_use]
     #[inline]
     pub fn at_level(&self, tree: &LabelTree, level: usize) -> Self {
@@ -88,7 +88,7 @@ mod tests {
     use crate::Label;
 
     #[test]
-    fn coarser_levels_are_read_off_the_tree() {
+    fn labels_are_replaced_by_their_ancestors() {
         let label = |id, parent: Option<u16>| Label {
             id: LabelId(id),
             name: format!("label {id}"),

@@ -1,5 +1,7 @@
-//! Minimum cut between two terminals by augmenting paths along two search trees (Boykov and Kolmogorov, "An
-//! experimental comparison of min-cut/max-flow algorithms for energy minimization in vision", PAMI 2004).
+//! Minimum cut between two terminals.
+//!
+//! Finds augmenting paths along two search trees (Boykov and Kolmogorov, "An experimental
+//! comparison of min-cut/max-flow algorithms for energy minimization in vision", PAMI 2004).
 
 use std::collections::VecDeque;
 
@@ -16,18 +18,22 @@ pub(crate) struct Link {
     pub backward: i32,
 }
 
-/// A graph with two terminals. Capacities are integers, so that the cut is exact; their sum must fit in 31 bits per node.
+/// A graph with two terminals.
+///
+/// Capacities are integers, so that the cut is exact. Their sum must fit in 31 bits per node.
 pub(crate) struct FlowGraph {
     first: Vec<u32>,
     head: Vec<u32>,
     sister: Vec<u32>,
     residual: Vec<i32>,
-    /// Above 0: capacity left from the source; below 0: to the sink.
+    /// Remaining capacity from the source (above 0) or to the sink (below 0).
     terminal: Vec<i32>,
 }
 
 impl FlowGraph {
-    /// A graph over `terminal.len()` nodes; `terminal` above 0 draws a node to the source, below 0 to the sink.
+    /// Builds a graph over `terminal.len()` nodes.
+    ///
+    /// A `terminal` above 0 is a capacity from the source, below 0 to the sink.
     pub fn new(terminal: Vec<i32>, links: &[Link]) -> Self {
         let nodes = terminal.len();
         let mut first = vec![0u32; nodes + 2];
@@ -66,7 +72,7 @@ impl FlowGraph {
         }
     }
 
-    /// The nodes on the source's side of the minimum cut (the smallest such set).
+    /// Returns which nodes are on the source's side of the minimum cut (the smallest such set).
     pub fn source_side(self) -> Vec<bool> {
         let mut search = Search::new(self);
         search.run();
@@ -85,13 +91,13 @@ enum Tree {
     Sink,
 }
 
-/// The two search trees while they grow.
+/// State of the two search trees.
 struct Search {
     graph: FlowGraph,
     tree: Vec<Tree>,
-    /// Arc from the node to its parent, or one of the marks above.
+    /// Arc from the node to its parent, or one of the markers above.
     parent: Vec<u32>,
-    /// When `distance` was last known to be right.
+    /// Time at which `distance` was last known to be correct.
     stamp: Vec<u32>,
     distance: Vec<u32>,
     queued: Vec<bool>,
@@ -159,7 +165,7 @@ impl Search {
         self.graph.first[node as usize]..self.graph.first[node as usize + 1]
     }
 
-    /// What can still flow from the parent's side over `arc` (leaving a node of `tree` towards its children).
+    /// Returns the residual capacity of `arc`, which leads from a node of `tree` to its children.
     fn room(&self, arc: u32, tree: Tree) -> i32 {
         let arc = if tree == Tree::Source {
             arc
@@ -169,7 +175,9 @@ impl Search {
         self.graph.residual[arc as usize]
     }
 
-    /// Extends a tree around an active node; the arc from the source's to the sink's tree where they meet.
+    /// Grows a tree around an active node.
+    ///
+    /// Returns the arc from the source's tree to the sink's tree if the two meet.
     fn grow(&mut self, node: u32) -> Option<u32> {
         let at = node as usize;
         let tree = self.tree[at];
@@ -203,7 +211,7 @@ impl Search {
         None
     }
 
-    /// Sends as much as possible along the path over `meeting`.
+    /// Pushes as much flow as possible along the path over `meeting`.
     fn augment(&mut self, meeting: u32) {
         let source_end = self.graph.head[self.graph.sister[meeting as usize] as usize];
         let sink_end = self.graph.head[meeting as usize];
@@ -259,7 +267,7 @@ impl Search {
         self.orphans.push_back(node);
     }
 
-    /// Finds a new parent for an orphan in its tree, or frees it and makes orphans of its children.
+    /// Finds a new parent for an orphan in its tree, or frees it and makes its children orphans.
     fn adopt(&mut self, node: u32) {
         let tree = self.tree[node as usize];
         let mut best: Option<(u32, u32)> = None;
@@ -303,7 +311,7 @@ impl Search {
         }
     }
 
-    /// Steps from `node` to its terminal, `None` when its branch has come loose.
+    /// Returns the number of steps from `node` to its terminal; `None` if it is disconnected.
     fn distance_to_terminal(&mut self, node: u32) -> Option<u32> {
         let mut steps = 0;
         let mut at = node;
@@ -370,7 +378,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn cut_is_as_cheap_as_the_best_of_all(
+        fn cut_is_as_cheap_as_the_best_of_all_subsets(
             terminal in prop::collection::vec(-20i32..20, 2..10),
             raw in prop::collection::vec((0u32..10, 0u32..10, 0i32..15, 0i32..15), 0..30),
         ) {
@@ -402,7 +410,7 @@ mod tests {
     }
 
     #[test]
-    fn large_grid_equals_the_threshold_of_its_unaries_without_links() {
+    fn cut_without_links_is_the_sign_of_the_terminals() {
         let terminal: Vec<i32> = (0..10_000).map(|at| (at * 7919 % 41) - 20).collect();
         let inside = FlowGraph::new(terminal.clone(), &[]).source_side();
         assert!(

@@ -2,26 +2,31 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::{LabelId, LabelMask, Region, squared_depth_in, squared_distance_to};
 
-/// Distances from an outline count up to this, in pixels.
+/// Maximum distance from an outline, in pixels; larger distances are clamped.
 const MOST_PX: f32 = 24.0;
-/// Two masks of an object that share less (IoU) are not two sights of one outline, with others in between.
+/// Minimum IoU at which two masks of a label are blended; below it they are not the same outline.
 const SAME_OUTLINE: f64 = 0.3;
-/// Least confidence and nearness that count.
+/// Lower bound of the confidence and nearness factors.
 const LEAST: f32 = 1e-3;
 
-/// What a walk from an anchor, frame after frame, says of a frame.
+/// Result of propagation from one keyframe on a frame.
 #[derive(Debug, Clone)]
 pub struct WalkedFrame {
-    /// Its mask.
+    /// Propagated mask.
     pub mask: LabelMask,
-    /// Of every label that the walk knows, how sure it is, 0–1.
+    /// Confidence of every label that the propagation knows, 0–1.
     pub confidence: BTreeMap<LabelId, f32>,
 }
 
-/// One mask out of two walks that met on a frame: between their outlines, nearer to the one that is surer and whose
-/// anchor is nearer (shapes as signed distances: Raya, Udupa, "Shape-based interpolation of multidimensional objects",
-/// IEEE Transactions on Medical Imaging, 1990). Where the two hardly meet, one of them strayed and the one that counts more
-/// stands, since between them lies nothing. `nearness` of the first, 0–1, grows towards its anchor.
+/// Merges the masks of two propagations that met on a frame.
+///
+/// The merged outline lies between the two outlines, closer to the one with the higher confidence
+/// and the nearer keyframe. Shapes are blended as signed distances (Raya, Udupa, "Shape-based
+/// interpolation of multidimensional objects", IEEE Transactions on Medical Imaging, 1990). If the
+/// two hardly overlap, one of them has drifted, and the one with the larger weight is taken, since
+/// an outline in between would match neither.
+///
+/// `nearness` is that of the first, 0–1; it grows towards its keyframe.
 #[must_use]
 pub fn merged(first: &WalkedFrame, second: &WalkedFrame, nearness: f32) -> WalkedFrame {
     let labels: BTreeSet<LabelId> = first
@@ -36,7 +41,8 @@ pub fn merged(first: &WalkedFrame, second: &WalkedFrame, nearness: f32) -> Walke
     let mut confidence = BTreeMap::new();
     for label in labels {
         let (a, b) = (first.mask.region(label), second.mask.region(label));
-        // A walk that does not know the label says nothing of it: nobody may have looked for it in that anchor.
+        // A propagation that does not know the label has no vote: its keyframe may not have been
+        // checked for it.
         let of = |frame: &WalkedFrame, near: f32| {
             let sure = frame.confidence.get(&label).copied();
             (
@@ -70,7 +76,7 @@ pub fn merged(first: &WalkedFrame, second: &WalkedFrame, nearness: f32) -> Walke
     WalkedFrame { mask, confidence }
 }
 
-/// Distance from the region's outline: above 0 inside, below outside, within ±24 px.
+/// Returns the signed distance to the region's outline: positive inside, clamped to ±24 px.
 fn signed_distances(region: &Region) -> Vec<f32> {
     let root = |squared: u32| (squared as f32).sqrt().min(MOST_PX);
     let (inside, outside) = (squared_depth_in(region), squared_distance_to(region));

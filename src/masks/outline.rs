@@ -3,18 +3,23 @@ use glam::{DVec2, IVec2};
 use super::Region;
 use super::components::{Connectivity, components};
 
-/// One connected part of a region (pixels joined over left, right, above, below) as closed polygons along the corners
-/// of its pixels: filled by the even-odd rule they give exactly its pixels again.
+/// Outline of one 4-connected part of a region: closed polygons along the corners of its pixels.
+///
+/// Filled by the even-odd rule, the polygons give exactly the part's pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outline {
-    /// The outer border: corners in pixels (0, 0 = top-left corner of the frame), the last joined to the first,
-    /// clockwise as seen.
+    /// Outer border, clockwise on screen.
+    ///
+    /// Corners are in pixels (0, 0 = top-left corner of the frame); the last is joined to the
+    /// first.
     pub outer: Vec<DVec2>,
-    /// The border of each hole, counter-clockwise as seen.
+    /// Border of each hole, counter-clockwise on screen.
     pub holes: Vec<Vec<DVec2>>,
 }
 
-/// Follows the borders between inside and outside pixels; parts in the order of their first pixels, holes likewise.
+/// Traces the borders between inside and outside pixels.
+///
+/// Parts and holes are in the order of their first pixels.
 #[must_use]
 pub fn outlines(region: &Region) -> Vec<Outline> {
     let parts = components(region, Connectivity::Four);
@@ -46,8 +51,10 @@ pub fn outlines(region: &Region) -> Vec<Outline> {
 }
 
 impl Outline {
-    /// With fewer corners: no corner that is left out lies farther than `tolerance_px` from the new border. Holes and
-    /// parts that would lose their area vanish; `None` when the outer border does.
+    /// Simplifies the outline.
+    ///
+    /// No removed corner lies farther than `tolerance_px` from the new border. Holes that would
+    /// lose their area are dropped; returns `None` if the outer border would.
     #[must_use]
     pub fn simplified(&self, tolerance_px: f64) -> Option<Self> {
         let outer = simplified_ring(&self.outer, tolerance_px)?;
@@ -59,8 +66,10 @@ impl Outline {
         Some(Self { outer, holes })
     }
 
-    /// One polygon with the same even-odd filling: each hole is joined to the ring by a seam of no width from its
-    /// first corner to the nearest of the ring.
+    /// Returns one polygon with the same even-odd filling.
+    ///
+    /// Each hole is joined to the ring by a seam of zero width, from its first corner to the
+    /// nearest corner of the ring.
     #[must_use]
     pub fn keyhole(&self) -> Vec<DVec2> {
         let mut ring = self.outer.clone();
@@ -78,9 +87,11 @@ impl Outline {
     }
 }
 
-/// Fewer corners for a closed polygon (Douglas, Peucker, "Algorithms for the reduction of the number of points required
-/// to represent a digitized line", Cartographica, 1973), cut open at the first corner and the one farthest from it;
-/// `None` when fewer than three corners remain.
+/// Simplifies a closed polygon.
+///
+/// Douglas, Peucker, "Algorithms for the reduction of the number of points required to represent a
+/// digitized line", Cartographica, 1973. The polygon is split at its first corner and the corner
+/// farthest from it. Returns `None` if fewer than three corners remain.
 #[must_use]
 pub fn simplified_ring(ring: &[DVec2], tolerance_px: f64) -> Option<Vec<DVec2>> {
     let first = *ring.first()?;
@@ -115,12 +126,12 @@ fn keep_corners(line: &[DVec2], ends: (usize, usize), tolerance_px: f64, kept: &
     }
 }
 
-/// Distance of a point to the segment from `a` to `b`.
+/// Returns the distance of a point to the segment from `a` to `b`.
 pub(super) fn distance_to_segment(point: DVec2, a: DVec2, b: DVec2) -> f64 {
     point.distance(nearest_on_segment(point, a, b))
 }
 
-/// The point of the segment from `a` to `b` that is nearest to a point.
+/// Returns the point of the segment from `a` to `b` that is nearest to a point.
 pub(super) fn nearest_on_segment(point: DVec2, a: DVec2, b: DVec2) -> DVec2 {
     let along = b - a;
     let length2 = along.length_squared();
@@ -132,10 +143,10 @@ pub(super) fn nearest_on_segment(point: DVec2, a: DVec2, b: DVec2) -> DVec2 {
     a + share * along
 }
 
-/// Walks along pixel corners with the inside on the right hand.
+/// Walks along pixel corners with the inside on the right.
 struct Walker<'a> {
     region: &'a Region,
-    /// Per pixel: whether its upper side has been walked.
+    /// Whether the upper side of each pixel has been walked.
     walked: Vec<bool>,
 }
 
@@ -154,7 +165,7 @@ impl Walker<'_> {
             && self.region.at(pixel.x as u32, pixel.y as u32)
     }
 
-    /// The ring whose first side is the upper side of a pixel; corners only where it turns.
+    /// Returns the ring that starts with the upper side of a pixel; corners only where it turns.
     fn walk(&mut self, pixel: usize) -> Vec<DVec2> {
         let width = self.region.width as usize;
         let start = IVec2::new((pixel % width) as i32, (pixel / width) as i32);
@@ -176,11 +187,13 @@ impl Walker<'_> {
         }
     }
 
-    /// Where to go on from a corner: right where the pixel ahead on the right is outside (so that diagonal neighbours
-    /// stay apart), else straight on or left.
+    /// Returns the next direction at a corner.
+    ///
+    /// Turns right if the pixel ahead on the right is outside, so that diagonal neighbours stay
+    /// separate; otherwise goes straight on or left.
     fn turned(&self, corner: IVec2, heading: IVec2) -> IVec2 {
         let right = IVec2::new(-heading.y, heading.x);
-        // The pixel that touches `corner` on the side of `a + b`.
+        // The pixel that touches `corner` on the side of `heading + side`.
         let ahead = |side: IVec2| corner + (heading + side - IVec2::ONE) / 2;
         if !self.inside(ahead(right)) {
             right
@@ -221,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_with_a_hole_and_a_dot() {
+    fn outlines_of_a_ring_and_a_single_pixel() {
         let found = outlines(&region(&["####.", "#..#.", "####.", "....#"]));
         assert_eq!(found.len(), 2);
         let corners = |ring: &[DVec2]| {
@@ -237,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn straight_steps_are_simplified_away() {
+    fn steps_within_the_tolerance_are_removed() {
         let stairs = outlines(&region(&["#.....", "###...", "#####.", "######"]));
         let simple = stairs[0].simplified(1.1).unwrap();
         assert!(
@@ -264,7 +277,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn outlines_filled_are_the_region(region in regions()) {
+        fn filled_outlines_equal_the_region(region in regions()) {
             let found = outlines(&region);
             let rings: Vec<Vec<DVec2>> =
                 found.iter().flat_map(|outline| outline.holes.iter().chain([&outline.outer])).cloned().collect();
@@ -278,7 +291,7 @@ mod tests {
         }
 
         #[test]
-        fn keyholes_filled_are_the_region(region in regions()) {
+        fn filled_keyholes_equal_the_region(region in regions()) {
             let mut all = Region::empty(region.width, region.height);
             for outline in outlines(&region) {
                 all.unite(&fill_polygons(region.width, region.height, &[outline.keyhole()]).unwrap());

@@ -1,17 +1,17 @@
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-/// A click: this pixel belongs to the object, or does not.
+/// A click: its pixel belongs to the object, or does not.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Click {
-    /// Position in pixels of the picture as shown (centre of the top-left pixel at 0.5, 0.5).
+    /// Position in pixels of the image as shown (centre of the top-left pixel at 0.5, 0.5).
     pub at_px: DVec2,
     /// `true` = include, `false` = exclude.
     pub include: bool,
 }
 
 impl Click {
-    /// Place of the pixel it falls on in a frame's pixels row by row; `None` outside the frame.
+    /// Returns the index, row by row, of the clicked pixel; `None` outside the frame.
     #[must_use]
     pub fn pixel_in(&self, width: u32, height: u32) -> Option<usize> {
         let (x, y) = (self.at_px.x.floor(), self.at_px.y.floor());
@@ -20,7 +20,7 @@ impl Click {
     }
 }
 
-/// An axis-parallel box around an object, in pixels of the picture as shown.
+/// An axis-aligned box around an object, in pixels of the image as shown.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PxBox {
     /// Top-left corner.
@@ -30,7 +30,7 @@ pub struct PxBox {
 }
 
 impl PxBox {
-    /// Intersection over union of the areas of two boxes; 0 where one is empty.
+    /// Returns the intersection over union of the areas of two boxes; 0 if one is empty.
     #[must_use]
     pub fn iou(&self, other: &Self) -> f64 {
         let area = |min: DVec2, max: DVec2| (max - min).max(DVec2::ZERO).element_product();
@@ -40,29 +40,30 @@ impl PxBox {
     }
 }
 
-/// All that the user gave for one label on one frame.
+/// Clicks and boxes that the user gave for one label on one frame.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Prompt {
-    /// In the order they were given.
+    /// Clicks, in the order they were given.
     #[serde(default)]
     pub clicks: Vec<Click>,
-    /// Each box holds (a part of) the object.
+    /// Boxes, each of which contains (a part of) the object.
     #[serde(default)]
     pub boxes: Vec<PxBox>,
-    /// Whether the first click was given on a mask that was there without any, tracked, drawn or read: then each click mends the
-    /// place that it is in, and what is elsewhere stays.
+    /// Whether the clicks correct a mask that was not built from clicks but tracked, drawn or read.
+    ///
+    /// Each click then corrects only the error that it lies in; the rest of the mask stays.
     #[serde(default)]
     pub corrects: bool,
 }
 
 impl Prompt {
-    /// Whether two prompts hold the same clicks and boxes.
+    /// Returns whether two prompts have the same clicks and boxes.
     #[must_use]
     pub fn gives_as(&self, other: &Self) -> bool {
         self.clicks == other.clicks && self.boxes == other.boxes
     }
 
-    /// Whether nothing was given.
+    /// Returns whether there are no clicks and no boxes.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.clicks.is_empty() && self.boxes.is_empty()

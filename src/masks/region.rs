@@ -3,16 +3,16 @@ use super::MaskError;
 /// The pixels of one object on one frame.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Region {
-    /// Columns.
+    /// Number of columns.
     pub width: u32,
-    /// Rows.
+    /// Number of rows.
     pub height: u32,
-    /// `width · height` flags, row by row.
+    /// Whether each pixel is inside: `width · height` flags, row by row.
     pub inside: Vec<bool>,
 }
 
 impl Region {
-    /// A region without pixels.
+    /// Returns a region without pixels.
     #[must_use]
     #[inline]
     pub fn empty(width: u32, height: u32) -> Self {
@@ -23,21 +23,21 @@ impl Region {
         }
     }
 
-    /// Whether column `x`, row `y` is inside.
+    /// Returns whether the pixel in column `x`, row `y` is inside.
     #[must_use]
     #[inline]
     pub fn at(&self, x: u32, y: u32) -> bool {
         self.inside[y as usize * self.width as usize + x as usize]
     }
 
-    /// Number of pixels inside.
+    /// Returns the number of pixels inside.
     #[must_use]
     #[inline]
     pub fn area(&self) -> usize {
         self.inside.iter().filter(|&&inside| inside).count()
     }
 
-    /// Whether no pixel is inside.
+    /// Returns whether no pixel is inside.
     #[must_use]
     #[inline]
     pub fn is_empty(&self) -> bool {
@@ -50,25 +50,25 @@ impl Region {
         self.combine(other, |a, b| a | b);
     }
 
-    /// Keeps only pixels that `other`, a region of the same frame, has too.
+    /// Keeps only the pixels that are also in `other`, a region of the same frame.
     #[inline]
     pub fn intersect(&mut self, other: &Self) {
         self.combine(other, |a, b| a & b);
     }
 
-    /// Takes away the pixels of `other`, a region of the same frame.
+    /// Removes the pixels of `other`, a region of the same frame.
     #[inline]
     pub fn subtract(&mut self, other: &Self) {
         self.combine(other, |a, b| a & !b);
     }
 
-    /// Keeps the pixels that only one of the two has; `other` is a region of the same frame.
+    /// Keeps the pixels that are in only one of the two; `other` is a region of the same frame.
     #[inline]
     pub fn differ(&mut self, other: &Self) {
         self.combine(other, |a, b| a ^ b);
     }
 
-    /// The pixels outside.
+    /// Returns the pixels outside.
     #[must_use]
     #[inline]
     pub fn inverted(&self) -> Self {
@@ -79,7 +79,7 @@ impl Region {
         }
     }
 
-    /// Intersection over union with a region of the same frame; 1 when both are empty.
+    /// Returns the intersection over union with a region of the same frame; 1 if both are empty.
     #[must_use]
     pub fn iou(&self, other: &Self) -> f64 {
         debug_assert_eq!(
@@ -99,7 +99,7 @@ impl Region {
         }
     }
 
-    /// Fails unless the region has the size that is asked for.
+    /// Returns an error unless the region has this size.
     pub(super) fn check_size(&self, width: u32, height: u32) -> Result<(), MaskError> {
         if (self.width, self.height) == (width, height) {
             return Ok(());
@@ -127,7 +127,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn boolean_operations() {
+    fn boolean_operations_work_per_pixel() {
         let a = Region {
             width: 4,
             height: 1,

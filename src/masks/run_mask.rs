@@ -4,33 +4,39 @@ use serde::{Deserialize, Serialize};
 
 use crate::{LabelId, LabelMask, LabelTree, MaskError, Region};
 
-/// Most columns and rows of a mask that is read from a file.
+/// Maximum number of columns and rows of a mask read from a file.
 pub(super) const MAX_SIDE: u32 = 65_535;
-/// Most pixels of a mask that is read from a file: 268 megapixels, more than any camera has. A few bytes of run lengths
-/// can claim any number of pixels, and decoding takes two bytes for each.
+/// Maximum number of pixels of a mask read from a file.
+///
+/// This is 268 megapixels, more than any camera has. A few bytes of run lengths can claim any
+/// number of pixels, and decoding takes two bytes for each.
 pub(super) const MAX_PIXELS: u64 = 1 << 28;
 
-/// A [`LabelMask`] as runs of equal ids, row by row without a break between rows: what a project holds and keeps in
-/// its history. What is read from a file is checked as by [`RunMask::new`].
+/// A run-length encoded [`LabelMask`], as projects store it and keep it in their history.
+///
+/// Runs go row by row and may continue across rows. Masks read from a file are checked like those
+/// of [`RunMask::new`].
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "StoredRuns")]
 pub struct RunMask {
-    /// Columns.
+    /// Number of columns.
     pub width: u32,
-    /// Rows.
+    /// Number of rows.
     pub height: u32,
-    /// (id, length) of each run; lengths are above 0 and sum to `width · height`; neighbours differ in id.
+    /// (id, length) of each run.
+    ///
+    /// Lengths are above 0 and sum to `width · height`; neighbours differ in id.
     pub runs: Vec<(LabelId, u32)>,
 }
 
-/// Where a label lies in a mask: its number of pixels and the smallest box of whole pixels around them.
+/// Area and bounding box of a label in a mask, in whole pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Extent {
-    /// Pixels.
+    /// Number of pixels.
     pub area: u64,
     /// First column and row.
     pub min: [u32; 2],
-    /// Last column and row (included).
+    /// Last column and row (inclusive).
     pub max: [u32; 2],
 }
 
@@ -50,11 +56,11 @@ impl TryFrom<StoredRuns> for RunMask {
 }
 
 impl RunMask {
-    /// A mask from runs of which neighbours may be equal (they are merged).
+    /// Creates a mask from runs; neighbours with equal ids are merged.
     ///
     /// # Errors
-    /// [`MaskError::Request`] for a run of length 0, lengths that do not sum to `width · height`, or a mask of more than
-    /// 65,535 pixels on a side or 268 megapixels in all.
+    /// [`MaskError::Request`] for a run of length 0, for lengths that do not sum to `width ·
+    /// height`, or for a mask of more than 65,535 pixels on a side or 268 megapixels in all.
     pub fn new(width: u32, height: u32, runs: Vec<(LabelId, u32)>) -> Result<Self, MaskError> {
         if runs.iter().any(|&(_, length)| length == 0) {
             return Err(MaskError::Request(
@@ -81,7 +87,7 @@ impl RunMask {
         })
     }
 
-    /// A mask with no label anywhere.
+    /// Returns a mask without labels.
     #[must_use]
     #[inline]
     pub fn empty(width: u32, height: u32) -> Self {
@@ -113,7 +119,7 @@ impl RunMask {
         }
     }
 
-    /// The mask as pixels.
+    /// Decodes the mask to pixels.
     #[must_use]
     #[inline]
     pub fn decode(&self) -> LabelMask {
@@ -128,7 +134,7 @@ impl RunMask {
         }
     }
 
-    /// The pixels of one label.
+    /// Returns the pixels of one label.
     #[must_use]
     #[inline]
     pub fn region(&self, id: LabelId) -> Region {
@@ -143,7 +149,9 @@ impl RunMask {
         }
     }
 
-    /// Area and bounding box of every label in the mask, read off the runs; [`LabelId::NONE`] is left out.
+    /// Returns area and bounding box of every label in the mask, except [`LabelId::NONE`].
+    ///
+    /// They are computed from the runs without decoding.
     #[must_use]
     #[inline]
     pub fn extents(&self) -> BTreeMap<LabelId, Extent> {
@@ -162,7 +170,7 @@ impl RunMask {
         extents
     }
 
-    /// Puts `map(id)` in the place of every id, [`LabelId::NONE`] included.
+    /// Replaces every id by `map(id)`, [`LabelId::NONE`] included.
     #[must_use]
     #[inline]
     pub fn map_ids(&self, mut map: impl FnMut(LabelId) -> LabelId) -> Self {
@@ -174,7 +182,7 @@ impl RunMask {
         }
     }
 
-    /// Every label as read at `level` (1 = top): its ancestor there, itself where it is not deeper.
+    /// Replaces every label by its ancestor at `level` (1 = top); labels that are not deeper stay.
     #[must_use]
     #[inline]
     pub fn at_level(&self, tree: &LabelTree, level: usize) -> Self {
@@ -182,8 +190,11 @@ impl RunMask {
         self.map_ids(|id| *known.entry(id).or_insert_with(|| tree.at_level(id, level)))
     }
 
-    /// The stretches of pixels over which both masks, of the same size, are constant: this one's id, the other's, and
-    /// the length, in order.
+    /// Returns the runs over which both masks are constant, in order.
+    ///
+    /// Each item is this mask's id, the other's id, and the length.
+    ///
+    /// The masks must have the same size.
     pub fn joint_runs<'a>(
         &'a self,
         other: &'a Self,
@@ -205,7 +216,7 @@ impl RunMask {
         })
     }
 
-    /// Fails when the other mask has another size.
+    /// Returns an error if the other mask has another size.
     pub(super) fn check_same_size(&self, other: &Self) -> Result<(), MaskError> {
         if (self.width, self.height) == (other.width, other.height) {
             return Ok(());
@@ -216,7 +227,7 @@ impl RunMask {
         )))
     }
 
-    /// Intersection over union of every label that is in either mask; [`LabelId::NONE`] is left out.
+    /// Returns the intersection over union of every label in either mask, except [`LabelId::NONE`].
     #[must_use]
     pub fn ious(&self, other: &Self) -> BTreeMap<LabelId, f64> {
         let mut counts: BTreeMap<LabelId, (u64, u64)> = BTreeMap::new();
@@ -279,7 +290,7 @@ mod tests {
 
     use super::*;
 
-    /// Masks of few pixels with long and short runs.
+    /// Small masks with long and short runs.
     fn masks() -> impl Strategy<Value = LabelMask> {
         (1u32..20, 1u32..20).prop_flat_map(|(width, height)| {
             let pixels = (width * height) as usize;
@@ -315,7 +326,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn encoding_loses_nothing(mask in masks()) {
+        fn encoding_is_lossless(mask in masks()) {
             let runs = RunMask::encode(&mask);
             prop_assert_eq!(runs.decode(), mask.clone());
             prop_assert!(runs.runs.windows(2).all(|pair| pair[0].0 != pair[1].0));
@@ -326,7 +337,7 @@ mod tests {
         }
 
         #[test]
-        fn joint_runs_agree_with_the_pixels((a, b) in pairs()) {
+        fn joint_runs_match_the_pixels((a, b) in pairs()) {
             let (runs, others) = (RunMask::encode(&a), RunMask::encode(&b));
             let joint = runs.joint_runs(&others);
             let pixels: Vec<_> = joint.flat_map(|(a, b, n)| std::iter::repeat_n((a, b), n as usize)).collect();
@@ -337,7 +348,7 @@ mod tests {
         }
 
         #[test]
-        fn extents_agree_with_the_pixels(mask in masks()) {
+        fn extents_match_the_pixels(mask in masks()) {
             let runs = RunMask::encode(&mask);
             let mut expected: BTreeMap<LabelId, Extent> = BTreeMap::new();
             for y in 0..mask.height {
@@ -355,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn damaged_runs_are_refused() {
+    fn damaged_runs_are_rejected() {
         for (text, fine) in [
             (r#"{"width":2,"height":2,"runs":[[0,1],[0,1],[3,2]]}"#, true),
             (r#"{"width":2,"height":2,"runs":[[0,1],[3,2]]}"#, false),

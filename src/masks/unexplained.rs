@@ -1,38 +1,38 @@
-//! Areas that no label explains, offered as new objects.
+//! Unlabelled areas that are proposed as new objects.
 
 use crate::graph_cut::depth_surfaces::{DepthEdges, depth_edges, known};
 use crate::{Connectivity, LabelId, LabelMask, Region, components};
 use ostra_core::statistics::upper_median;
 use ostra_frames::DepthMap;
 
-/// An area of a frame that no label explains and that may be a thing of its own.
+/// An unlabelled area of a frame that may be an object of its own.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unexplained {
-    /// Where it is, at the frame's size.
+    /// Pixels of the area, at the frame's size.
     pub region: Region,
-    /// Why it is offered.
+    /// Reason for proposing it.
     pub why: Apartness,
-    /// How much speaks for it; only for comparison with others of the same kind.
+    /// Strength of the evidence; comparable only among areas with the same reason.
     pub strength: f32,
 }
 
-/// What sets an area apart from what is around it.
+/// Reason why an area is separate from its surroundings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Apartness {
-    /// It moves unlike the background.
+    /// It moves differently from the background.
     Moves,
-    /// It stands before what is around it.
+    /// It stands in front of its surroundings.
     Stands,
 }
 
-/// Smallest area of a thing, as a share of the frame.
+/// Minimum area of an object, as a share of the frame.
 const LEAST_SHARE: f64 = 0.002;
-/// Largest.
+/// Maximum area of an object, as a share of the frame.
 const MOST_SHARE: f64 = 0.3;
-/// How far beside labels nothing is offered: their outlines are not exact.
+/// Distance from labels within which nothing is proposed, pixels: their outlines are not exact.
 const BESIDE_LABELS_PX: f64 = 6.0;
 
-/// The connected parts of a region that are large enough, and not too large, for a thing.
+/// Returns the connected parts of a region that have a plausible size for an object.
 pub fn parts(region: &Region) -> impl Iterator<Item = Region> + '_ {
     let pieces = components(region, Connectivity::Eight);
     let pixels = region.inside.len() as f64;
@@ -55,7 +55,7 @@ pub fn parts(region: &Region) -> impl Iterator<Item = Region> + '_ {
     })
 }
 
-/// All labelled pixels of a mask, and those close beside them.
+/// Returns all labelled pixels of a mask and those close to them.
 pub fn explained(mask: &LabelMask) -> Region {
     let inside = mask.ids.iter().map(|&id| id != LabelId::NONE).collect();
     Region {
@@ -66,16 +66,18 @@ pub fn explained(mask: &LabelMask) -> Region {
     .dilated(BESIDE_LABELS_PX)
 }
 
-/// Strength of an edge from which on it parts two surfaces.
+/// Minimum strength of an edge that separates two surfaces.
 const PARTS: f32 = 0.5;
-/// How far around an area one looks at what lies behind it, in pixels.
+/// Width of the ring around an area in which its surroundings are examined, pixels.
 const AROUND_PX: f64 = 4.0;
-/// Least relative step in depth to what lies behind.
+/// Minimum relative step in depth to the surroundings behind.
 const LEAST_STEP: f32 = 0.02;
-/// Least share of the surroundings that lie behind.
+/// Minimum share of the surroundings that lie behind.
 const LEAST_BEHIND: f32 = 0.6;
 
-/// Areas of a depth map that carry no label and stand before what is around them, parted from it by steps in depth.
+/// Returns unlabelled areas of a depth map that stand in front of their surroundings.
+///
+/// The areas are separated by steps in depth. Returns nothing if depth map and mask differ in size.
 #[must_use]
 pub fn areas_in_front(depth: &DepthMap, mask: &LabelMask) -> Vec<Unexplained> {
     if (depth.width, depth.height) != (mask.width, mask.height) {
@@ -101,7 +103,7 @@ pub fn areas_in_front(depth: &DepthMap, mask: &LabelMask) -> Vec<Unexplained> {
     parts(&smooth).filter_map(offered).collect()
 }
 
-/// Pixels with depth beside which no edge runs.
+/// Returns the pixels with known depth that have no edge next to them.
 fn surfaces(depth: &DepthMap, edges: &DepthEdges) -> Region {
     let width = depth.width as usize;
     let cut = |strengths: &[f32], at: Option<usize>| at.is_some_and(|at| strengths[at] >= PARTS);
@@ -118,7 +120,7 @@ fn surfaces(depth: &DepthMap, edges: &DepthEdges) -> Region {
     }
 }
 
-/// Share of the known depths around an area that lie behind the middle of its own; 0 where few are known.
+/// Returns the share of known depths around an area that lie behind its median; 0 if few are known.
 fn behind(depth: &DepthMap, part: &Region) -> f32 {
     let mut around = part.dilated(AROUND_PX);
     around.subtract(part);
@@ -155,7 +157,7 @@ mod tests {
     use crate::LabelId;
 
     #[test]
-    fn a_box_before_a_wall_stands_apart_and_a_hole_in_it_does_not() {
+    fn object_in_front_of_a_wall_is_proposed_and_a_hole_is_not() {
         let depth_at = |at: usize| match (at % 200, at / 200) {
             (40..80, 30..70) => 1.0,
             (120..160, 30..70) => 2.6,

@@ -8,12 +8,15 @@ use tempfile::{Builder, NamedTempFile, TempDir};
 use super::fault::without_path;
 use super::temporary::{LOCK, PREFIX, SUFFIX, Unfinished};
 
-/// A file that takes the place of another when it is complete.
+/// A file that replaces another one only when it is complete.
 ///
-/// The content goes to a temporary file in the same folder, created exclusively under a random name, so that a link which
-/// somebody placed there is never followed. [`AtomicFile::commit`] renames it. Dropping it without that, an error or a kill
-/// leaves the former content as it was. The temporary file stays locked while it is written: [`super::remove_leftovers`]
-/// recognises those of killed processes by the missing lock.
+/// The content is written to a temporary file in the same folder, which is created exclusively
+/// under a random name, so that a link planted there is never followed. [`AtomicFile::commit`]
+/// renames it. If it is dropped without that, or after an error or a kill, the former content is
+/// unchanged.
+///
+/// The temporary file stays locked while it is written. [`super::remove_leftovers`] recognises
+/// files of killed processes by the missing lock.
 #[derive(Debug)]
 pub struct AtomicFile {
     file: NamedTempFile,
@@ -22,11 +25,11 @@ pub struct AtomicFile {
 }
 
 impl AtomicFile {
-    /// Starts writing what will be at `target`. The folder must exist.
+    /// Starts writing a file for `target`; its folder must exist.
     ///
     /// # Errors
-    /// When the folder is missing or not writable, or something other than a regular file (a folder, a device) is at
-    /// `target`.
+    /// Fails if the folder is missing or not writable, or if something other than a regular file (a
+    /// folder, a device) is at `target`.
     pub fn create(target: &Path) -> Result<Self> {
         if fs::metadata(target).is_ok_and(|found| !found.is_file()) {
             return Err(Error::new(
@@ -41,7 +44,8 @@ impl AtomicFile {
                 .map_err(without_path)
         };
         let (file, listed) = Unfinished::create(make)?;
-        // Some network file systems have no locks; there a leftover is only recognised by its name.
+        // Some network file systems have no locks; there, leftovers are recognised by their name
+        // only.
         let _ = file.as_file().try_lock();
         Ok(Self {
             file,
@@ -50,16 +54,16 @@ impl AtomicFile {
         })
     }
 
-    /// The file under its temporary name.
+    /// Returns the file under its temporary name.
     #[must_use]
     pub fn as_file(&mut self) -> &mut File {
         self.file.as_file_mut()
     }
 
-    /// Puts the file in its place, on the disk before it is renamed.
+    /// Flushes the file to disk and renames it to its target.
     ///
     /// # Errors
-    /// When the disk is full or the place cannot be written; the former content stands.
+    /// Fails if the disk is full or the target cannot be written; the former content is kept.
     pub fn commit(self) -> Result<()> {
         self.file.as_file().sync_all()?;
         let folder = folder_of(&self.target).to_owned();
@@ -87,17 +91,19 @@ impl Seek for AtomicFile {
     }
 }
 
-/// Replaces the content of the file at `target` by `bytes`, or leaves it as it was; see [`AtomicFile`].
+/// Replaces the content of the file at `target` by `bytes`, or leaves it unchanged.
+///
+/// See [`AtomicFile`].
 ///
 /// # Errors
-/// As [`AtomicFile::create`] and [`AtomicFile::commit`].
+/// Same as [`AtomicFile::create`] and [`AtomicFile::commit`].
 pub fn write(target: &Path, bytes: &[u8]) -> Result<()> {
     let mut file = AtomicFile::create(target)?;
     file.write_all(bytes)?;
     file.commit()
 }
 
-/// A folder for what another program writes before it is renamed; it goes when dropped.
+/// A folder for the output of another program before it is renamed; removed when dropped.
 #[derive(Debug)]
 pub struct WorkFolder {
     folder: TempDir,
@@ -106,10 +112,10 @@ pub struct WorkFolder {
 }
 
 impl WorkFolder {
-    /// Makes one inside `folder`, under a random name.
+    /// Creates a work folder inside `folder`, under a random name.
     ///
     /// # Errors
-    /// When `folder` is missing or not writable.
+    /// Fails if `folder` is missing or not writable.
     pub fn create(folder: &Path) -> Result<Self> {
         let made = Builder::new()
             .prefix(PREFIX)
@@ -125,20 +131,20 @@ impl WorkFolder {
         })
     }
 
-    /// Where it is.
+    /// Returns the folder's path.
     #[must_use]
     pub fn path(&self) -> &Path {
         self.folder.path()
     }
 }
 
-/// How the temporary name of a file begins.
+/// Prefix of the temporary name of a file.
 pub(super) fn prefix_for(target: &Path) -> Result<OsString> {
     let name = target
         .file_name()
         .ok_or_else(|| Error::new(ErrorKind::InvalidInput, "it has no file name"))?;
     let mut prefix = OsString::from(PREFIX);
-    // Names may be as long as the file system allows; the temporary one needs room for more.
+    // Names may be as long as the file system allows; the temporary name needs room for more.
     prefix.push(name.to_string_lossy().chars().take(32).collect::<String>());
     prefix.push(".");
     Ok(prefix)
@@ -156,14 +162,15 @@ pub(super) fn builder(prefix: &OsString) -> Builder<'_, 'static> {
     builder.prefix(prefix).suffix(SUFFIX).rand_bytes(12);
     #[cfg(unix)]
     {
-        // What an ordinary file gets, less the process's umask; temporary files are private otherwise.
+        // Permissions of an ordinary file, minus the process's umask; temporary files are private
+        // by default.
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
     builder
 }
 
-/// Makes the rename durable, where the system can.
+/// Makes the rename durable, if the system supports it.
 pub(super) fn sync_folder(folder: &Path) {
     #[cfg(unix)]
     if let Ok(folder) = File::open(folder) {
@@ -173,11 +180,13 @@ pub(super) fn sync_folder(folder: &Path) {
     let _ = folder;
 }
 
-/// Puts the content of the file `source` at `target`, in the place of what is there: as a second name of the same file,
-/// or as a copy with the same time where the disk has no hard links. What was at `target` stays until that is done.
+/// Puts the content of the file `source` at `target`, replacing what is there.
+///
+/// `target` becomes a hard link, or a copy with the same modification time if the disk has no hard
+/// links. The former content stays until that is done.
 ///
 /// # Errors
-/// When the source is missing or `target` cannot be written.
+/// Fails if the source is missing or `target` cannot be written.
 pub fn link(source: &Path, target: &Path) -> Result<()> {
     let folder = folder_of(target);
     let linked =
@@ -214,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn dropped_file_leaves_the_former_content_and_nothing_else() {
+    fn dropped_file_leaves_only_the_former_content() {
         let folder = tempfile::tempdir().unwrap();
         let target = folder.path().join("a.txt");
         write(&target, b"first").unwrap();
@@ -238,7 +247,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn link_at_the_target_is_replaced_and_what_it_leads_to_stays() {
+    fn link_at_the_target_is_replaced_and_its_destination_is_unchanged() {
         use std::os::unix::fs::{PermissionsExt, symlink};
         let folder = tempfile::tempdir().unwrap();
         let (photo, target) = (folder.path().join("photo"), folder.path().join("out"));
@@ -254,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn folders_and_devices_are_refused() {
+    fn folders_and_devices_are_rejected() {
         let folder = tempfile::tempdir().unwrap();
         assert!(write(folder.path(), b"x").is_err());
         assert!(write(&folder.path().join("missing/file"), b"x").is_err());
@@ -275,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn linked_and_copied_files_take_the_place_of_what_is_there() {
+    fn linked_and_copied_files_replace_the_former_content() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
         fs::write(path("source"), "points").unwrap();

@@ -1,22 +1,24 @@
-//! Folders of files that may be deleted at any time, bounded in bytes.
+//! Folders of files that may be deleted at any time, limited in bytes.
 
 use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-/// A file that is kept until others need its room.
+/// A file that is kept until its space is needed.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct KeptFile {
-    /// When it was written, or marked by [`mark_used`].
+    /// Time when it was written, or marked by [`mark_used`].
     pub used: SystemTime,
-    /// Its size.
+    /// Size in bytes.
     pub bytes: u64,
-    /// Where it is.
+    /// Path of the file.
     pub path: PathBuf,
 }
 
-/// The files of a folder whose names `is_kept` accepts, the least recently used first; none where the folder cannot be read.
+/// Returns the files whose names `is_kept` accepts, least recently used first.
+///
+/// Returns nothing if the folder cannot be read.
 #[must_use]
 pub fn kept_files(folder: &Path, is_kept: impl Fn(&OsStr) -> bool) -> Vec<KeptFile> {
     let about = |entry: fs::DirEntry| {
@@ -37,7 +39,7 @@ pub fn kept_files(folder: &Path, is_kept: impl Fn(&OsStr) -> bool) -> Vec<KeptFi
     files
 }
 
-/// Removes files, the first ones first, until the rest takes at most `budget_bytes`.
+/// Removes files from the front of the list until the rest takes at most `budget_bytes`.
 pub fn remove_beyond(files: Vec<KeptFile>, budget_bytes: u64) {
     let mut bytes: u64 = files.iter().map(|file| file.bytes).sum();
     for file in files {
@@ -49,7 +51,7 @@ pub fn remove_beyond(files: Vec<KeptFile>, budget_bytes: u64) {
     }
 }
 
-/// Marks a file as used now: others go before it.
+/// Marks a file as used now, so that others are removed first.
 pub fn mark_used(path: &Path) {
     let _ = File::options()
         .write(true)
@@ -64,7 +66,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_least_recently_used_files_go_first() {
+    fn least_recently_used_files_are_removed_first() {
         let folder = tempfile::tempdir().unwrap();
         for (age, name) in ["a.bin", "b.bin", "c.bin", "other"].into_iter().enumerate() {
             let path = folder.path().join(name);

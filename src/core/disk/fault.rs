@@ -1,6 +1,6 @@
 use std::io::{Error, ErrorKind};
 
-/// What happened to a file that was read, and what to do, to be said after its path.
+/// Describes an error of reading a file and its remedy, to be shown after the file's path.
 #[must_use]
 pub fn read_fault(error: &Error) -> String {
     fault_of_full_disk(error).unwrap_or_else(|| {
@@ -8,7 +8,7 @@ pub fn read_fault(error: &Error) -> String {
     })
 }
 
-/// The same for a file that was written.
+/// Describes an error of writing a file and its remedy, to be shown after the file's path.
 #[must_use]
 pub fn write_fault(error: &Error) -> String {
     fault_of_full_disk(error).unwrap_or_else(|| {
@@ -16,7 +16,7 @@ pub fn write_fault(error: &Error) -> String {
     })
 }
 
-/// The same where both may be.
+/// Describes an error of reading or writing a file, to be shown after the file's path.
 #[must_use]
 pub fn fault(error: &Error) -> String {
     fault_of_full_disk(error).unwrap_or_else(|| {
@@ -24,7 +24,7 @@ pub fn fault(error: &Error) -> String {
     })
 }
 
-/// A fault that only writing has.
+/// Describes errors that only writing can have.
 fn fault_of_full_disk(error: &Error) -> Option<String> {
     let remedy = match error.kind() {
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
@@ -39,7 +39,9 @@ fn fault_of_full_disk(error: &Error) -> Option<String> {
     Some(format!("cannot be written ({error}); {remedy}"))
 }
 
-/// The error without the name of a temporary file, which `tempfile` adds: it is of no use to anybody.
+/// Removes the name of a temporary file, which `tempfile` adds, from an error.
+///
+/// The name means nothing to the user.
 pub(super) fn without_path(error: Error) -> Error {
     let text = error.to_string();
     match text.rfind(" at path \"") {
@@ -53,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_full_disk_is_not_taken_for_a_missing_file() {
+    fn full_disk_is_not_reported_as_a_missing_file() {
         let full = Error::from(ErrorKind::StorageFull);
         for said in [read_fault(&full), write_fault(&full), fault(&full)] {
             assert!(

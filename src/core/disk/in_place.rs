@@ -4,21 +4,22 @@ use std::path::Path;
 
 use super::write;
 
-/// Opens a file that is changed in place, such as a journal, for reading and writing; creates it where it is missing.
+/// Opens a file that is changed in place, such as a journal, for reading and writing.
 ///
-/// A link is refused, not followed, and so is anything that is not a regular file, without waiting for it. A file that has
-/// further names on the disk (hard links) is replaced by a copy of its own first, so that only the file at `path` changes.
+/// The file is created if it is missing. Links and anything that is not a regular file are rejected
+/// without following or waiting for them. A file with further names on the disk (hard links) is
+/// first replaced by a copy of its own, so that only the file at `path` changes.
 ///
 /// # Errors
-/// When the file is a link or not regular, or cannot be opened or copied.
+/// Fails if the file is a link or not regular, or cannot be opened or copied.
 pub fn open_in_place(path: &Path) -> Result<File> {
     let found = match fs::symlink_metadata(path) {
-        // Exclusive creation follows no link either.
+        // Exclusive creation does not follow links either.
         Err(error) if error.kind() == ErrorKind::NotFound => match options()
             .create_new(true)
             .open(path)
         {
-            // Another process has made it since.
+            // Another process has created it in the meantime.
             Err(error) if error.kind() == ErrorKind::AlreadyExists => fs::symlink_metadata(path)?,
             opened => return opened,
         },
@@ -38,7 +39,9 @@ pub fn open_in_place(path: &Path) -> Result<File> {
     }
 }
 
-/// Whether an open file is still the one at `path`: another process may have removed or replaced it since.
+/// Returns whether an open file is still the one at `path`.
+///
+/// Another process may have removed or replaced it since.
 #[must_use]
 pub fn is_still_at(file: &File, path: &Path) -> bool {
     fs::symlink_metadata(path)
@@ -107,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_several_make_at_once_is_opened_by_all() {
+    fn file_created_by_several_threads_is_opened_by_all() {
         for _ in 0..50 {
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("lock");
@@ -123,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn links_and_pipes_are_refused_at_once() {
+    fn links_and_pipes_are_rejected_at_once() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
         fs::write(path("other"), "theirs").unwrap();

@@ -1,4 +1,4 @@
-//! Files that are written whole or not at all, and files that are read without waiting for another process.
+//! Atomic file writing, and reading of files without waiting for another process.
 
 mod atomic;
 mod bounded;

@@ -4,14 +4,16 @@ use std::path::Path;
 
 /// The byte-order mark of UTF-8, which Windows editors and some exporters put at the start of text.
 const UTF8_MARK: &[u8] = b"\xef\xbb\xbf";
-/// A larger text file is refused: a COLMAP model of 100,000 images takes a tenth of it.
+/// Maximum size of a text file: a COLMAP model of 100,000 images takes a tenth of it.
 const MAX_TEXT_BYTES: u64 = 8 << 30;
 
-/// Opens a regular file for reading. Named pipes, devices, sockets and folders are refused before they are opened,
-/// because opening or reading one of them may block forever or never end.
+/// Opens a regular file for reading.
+///
+/// Named pipes, devices, sockets and folders are rejected before they are opened, because opening
+/// or reading one of them may block forever or never end.
 ///
 /// # Errors
-/// When there is nothing at `path`, it may not be read, or it is not a regular file.
+/// Fails if nothing is at `path`, it may not be read, or it is not a regular file.
 pub fn open_regular(path: &Path) -> Result<File> {
     let kind = fs::metadata(path)?.file_type();
     if !kind.is_file() {
@@ -21,20 +23,22 @@ pub fn open_regular(path: &Path) -> Result<File> {
     File::open(path)
 }
 
-/// Reads a regular file whole.
+/// Reads a whole regular file.
 ///
 /// # Errors
-/// As [`open_regular`], and when reading fails.
+/// Same as [`open_regular`], and if reading fails.
 pub fn read_regular(path: &Path) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     open_regular(path)?.read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
-/// Reads a regular file whole; one of more than `max_bytes` is refused without reading it.
+/// Reads a whole regular file of at most `max_bytes`.
+///
+/// Larger files are rejected without reading them.
 ///
 /// # Errors
-/// As [`read_regular`]; [`ErrorKind::FileTooLarge`].
+/// Same as [`read_regular`]; [`ErrorKind::FileTooLarge`].
 pub fn read_regular_up_to(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
     let file = open_regular(path)?;
     let length = file.metadata()?.len();
@@ -48,23 +52,28 @@ pub fn read_regular_up_to(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Reads a text file. A byte-order mark at its start is skipped; UTF-16, which PowerShell writes, is decoded.
+/// Reads a text file.
+///
+/// A byte-order mark at its start is skipped; UTF-16, which PowerShell writes, is decoded.
 ///
 /// # Errors
-/// As [`open_regular`]; [`ErrorKind::InvalidData`] for bytes that are not text, [`ErrorKind::FileTooLarge`].
+/// Same as [`open_regular`]; [`ErrorKind::InvalidData`] for bytes that are not text,
+/// [`ErrorKind::FileTooLarge`].
 pub fn read_text(path: &Path) -> Result<String> {
     read_text_up_to(path, MAX_TEXT_BYTES)
 }
 
-/// Reads a text file as [`read_text`] does, but one of more than `max_bytes` is refused without reading it.
+/// Reads a text file of at most `max_bytes` as [`read_text`] does.
+///
+/// Larger files are rejected without reading them.
 ///
 /// # Errors
-/// As [`read_text`].
+/// Same as [`read_text`].
 pub fn read_text_up_to(path: &Path, max_bytes: u64) -> Result<String> {
     decode_text(read_regular_up_to(path, max_bytes)?)
 }
 
-/// The text in the bytes of a file, as [`read_text`] reads it.
+/// Decodes the bytes of a file to text, as [`read_text`] does.
 ///
 /// # Errors
 /// [`ErrorKind::InvalidData`] for bytes that are not text.
@@ -85,10 +94,10 @@ pub fn decode_text(mut bytes: Vec<u8>) -> Result<String> {
     String::from_utf8(bytes).map_err(|_| not_text("it is not UTF-8 text"))
 }
 
-/// Skips a byte-order mark at the start of what `reader` reads, for files that are not read whole.
+/// Skips a byte-order mark at the start of `reader`, for files that are not read as a whole.
 ///
 /// # Errors
-/// When reading fails.
+/// Fails if reading fails.
 pub fn skip_mark(reader: &mut impl BufRead) -> Result<()> {
     if reader.fill_buf()?.starts_with(UTF8_MARK) {
         reader.consume(UTF8_MARK.len());
@@ -117,7 +126,9 @@ fn name_of(kind: FileType) -> &'static str {
     }
 }
 
-/// Folders that systems, network storage and photo programs put next to the user's files, in lower case.
+/// Names of folders that other software puts next to the user's files, in lower case.
+///
+/// They come from operating systems, network storage and photo programs.
 const SYSTEM_FOLDERS: [&str; 16] = [
     "@eadir",
     "@tmp",
@@ -137,7 +148,7 @@ const SYSTEM_FOLDERS: [&str; 16] = [
     "temporary items",
 ];
 
-/// How the names of files begin that network storage makes of an image, in lower case.
+/// Prefixes of files that network storage creates next to an image, in lower case.
 const THUMBNAIL_STARTS: [&str; 4] = [
     "synophoto_thumb",
     "synophoto_film",
@@ -145,7 +156,7 @@ const THUMBNAIL_STARTS: [&str; 4] = [
     "synovideo_",
 ];
 
-/// Returns whether a file or folder of this name belongs to the system or to network storage, not to the user.
+/// Returns whether a file or folder of this name belongs to the system or to network storage.
 #[must_use]
 pub fn is_system_file(name: &str) -> bool {
     let name = name.to_ascii_lowercase();
@@ -189,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn a_text_file_may_be_limited() {
+    fn text_files_can_be_limited_in_size() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.txt");
         fs::write(&path, "12345").unwrap();
@@ -206,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mark_is_skipped_once() {
+    fn byte_order_mark_is_skipped_once() {
         let mut reader = "\u{feff}\u{feff}ply".as_bytes();
         skip_mark(&mut reader).unwrap();
         assert_eq!(reader, "\u{feff}ply".as_bytes());
@@ -216,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn folders_and_missing_files_are_refused() {
+    fn folders_and_missing_files_are_rejected() {
         let folder = tempfile::tempdir().unwrap();
         assert!(
             open_regular(folder.path())
@@ -234,7 +245,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn pipes_sockets_and_devices_are_refused_without_waiting() {
+    fn pipes_sockets_and_devices_are_rejected_without_waiting() {
         let folder = tempfile::tempdir().unwrap();
         let (pipe, socket, link) = (
             folder.path().join("pipe"),

@@ -7,22 +7,24 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use tempfile::NamedTempFile;
 
-/// How the names of temporary files begin …
+/// Prefix of the names of temporary files.
 pub(super) const PREFIX: &str = ".ostra-";
-/// … and end.
+/// Suffix of the names of temporary files.
 pub(super) const SUFFIX: &str = ".tmp";
 /// The file in a temporary folder that is locked while the folder is in use.
 pub(super) const LOCK: &str = ".lock";
 
-/// Whether a file of this name is one that [`super::AtomicFile`] writes to until it is complete.
+/// Returns whether a name is that of a file that [`super::AtomicFile`] has not completed.
 #[must_use]
 pub fn is_temporary(name: &OsStr) -> bool {
     let name = name.to_string_lossy();
     name.starts_with(PREFIX) && name.ends_with(SUFFIX)
 }
 
-/// Removes the temporary files that killed processes left in `folder` and, with `below`, in the folders inside it. Those
-/// that a running process writes to are locked and stay. Links to folders are not followed.
+/// Removes the temporary files of killed processes from `folder`.
+///
+/// With `below`, subfolders are cleaned too. Files that a running process is writing are locked and
+/// stay. Links to folders are not followed.
 pub fn remove_leftovers(folder: &Path, below: bool) {
     let Ok(entries) = fs::read_dir(folder) else {
         return;
@@ -51,22 +53,24 @@ fn is_abandoned(path: &Path) -> bool {
         .is_ok_and(|file| file.try_lock().is_ok())
 }
 
-/// The temporary files that this process writes to now.
+/// Temporary files that this process is writing.
 static UNFINISHED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// Keeps a temporary file in the list of those that [`remove_unfinished`] removes, until this is dropped.
+/// Registers a temporary file for removal by [`remove_unfinished`] until this is dropped.
 #[derive(Debug)]
 pub struct Unfinished(PathBuf);
 
 impl Unfinished {
-    /// Lists a temporary file or folder that another program writes to, before it is started.
+    /// Registers a temporary file or folder of another program before that program is started.
     #[must_use]
     pub fn list(path: &Path) -> Self {
         list().insert(path.to_owned());
         Self(path.to_owned())
     }
 
-    /// Creates a temporary file and lists it. Both happen under one lock, so that [`remove_unfinished`] misses no file.
+    /// Creates and registers a temporary file.
+    ///
+    /// Both happen under one lock, so that [`remove_unfinished`] misses no file.
     pub(super) fn create(
         create: impl FnOnce() -> Result<NamedTempFile>,
     ) -> Result<(NamedTempFile, Self)> {
@@ -84,12 +88,14 @@ impl Drop for Unfinished {
     }
 }
 
-/// Removes the temporary files that this process writes to. Only for a process that exits right after: no thread of it can
-/// create another temporary file from then on.
+/// Removes the temporary files that this process is writing.
+///
+/// Only for a process that exits right after: no thread can create another temporary file from then
+/// on.
 pub fn remove_unfinished() {
     let list = list();
     list.iter().for_each(|path| remove(path));
-    // Other threads still run until the process exits; they must not start another file.
+    // Other threads keep running until the process exits; they must not create another file.
     std::mem::forget(list);
 }
 
@@ -111,7 +117,7 @@ mod tests {
     use crate::disk::{AtomicFile, WorkFolder};
 
     #[test]
-    fn leftovers_of_killed_processes_go_and_files_being_written_stay() {
+    fn leftovers_of_killed_processes_are_removed_and_files_being_written_stay() {
         let folder = tempfile::tempdir().unwrap();
         let inner = folder.path().join("inner");
         fs::create_dir(&inner).unwrap();

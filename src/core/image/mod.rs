@@ -1,4 +1,4 @@
-//! Pixels row by row: sampling between them, and images made smaller.
+//! Sampling and downscaling of images stored row by row.
 
 mod resize;
 mod sampling;

@@ -1,8 +1,9 @@
-//! Images made smaller.
+//! Downscaling of images.
 //!
-//! The ways differ by purpose, and none replaces another: [`halve`] for pyramids, [`block_means`] for whole steps,
-//! [`tent_shrink`] before features are looked for (nothing finer is left to alias), [`area_mean_rgb8`] for thumbnails
-//! (exact in integers). What networks were trained with is in `ostra_masks::onnx`.
+//! The methods serve different purposes, and none replaces another: [`halve`] for pyramids,
+//! [`block_means`] for integer factors, [`tent_shrink`] before feature detection (it leaves nothing
+//! finer to alias), [`area_mean_rgb8`] for thumbnails (exact in integers). The filters that
+//! networks were trained with are in `ostra_masks::onnx`.
 
 use std::ops::Range;
 
@@ -13,8 +14,10 @@ pub fn mean_of_four([a, b, c, d]: [f32; 4]) -> f32 {
     0.25 * (a + b + c + d)
 }
 
-/// Returns the image of half the size (at least 1 · 1): each pixel is what `mean` makes of upper left, upper right, lower
-/// left and lower right of four. An odd last row or column is left off.
+/// Returns the image at half the size (at least 1 · 1).
+///
+/// Each pixel is the `mean` of upper left, upper right, lower left and lower right of four. An odd
+/// last row or column is dropped.
 #[must_use]
 #[inline]
 pub fn halve<T: Copy>(
@@ -33,7 +36,7 @@ pub fn halve<T: Copy>(
     halved
 }
 
-/// Returns one row of the image of half the size, from two rows of the image; see [`halve`].
+/// Returns one row of the image at half the size, from two rows of the image; see [`halve`].
 #[inline]
 pub fn halve_row<'a, T: Copy>(
     upper: &'a [T],
@@ -46,7 +49,7 @@ pub fn halve_row<'a, T: Copy>(
     pairs.map(move |(upper, lower)| mean([upper[0], upper[step - 1], lower[0], lower[step - 1]]))
 }
 
-/// Returns the means of squares of `step` pixels. Rows and columns that fill no square are left off.
+/// Returns the means of squares of `step` pixels; incomplete rows and columns are dropped.
 #[must_use]
 pub fn block_means(values: &[f32], width: usize, step: usize) -> Vec<f32> {
     let mean = |rows: &[f32], x: usize| {
@@ -61,8 +64,10 @@ pub fn block_means(values: &[f32], width: usize, step: usize) -> Vec<f32> {
         .collect()
 }
 
-/// Returns a smaller image, filtered along rows and then along columns with tents as wide as two of its pixels, so that
-/// nothing finer is left to alias. Sizes are columns and rows.
+/// Returns a smaller image, filtered along rows and then along columns.
+///
+/// The filters are tents as wide as two pixels of the result, so that nothing finer is left to
+/// alias. Sizes are columns and rows.
 #[must_use]
 pub fn tent_shrink(values: &[f32], from: [usize; 2], to: [usize; 2]) -> Vec<f32> {
     let across = tents(from[0], to[0]);
@@ -76,7 +81,7 @@ pub fn tent_shrink(values: &[f32], from: [usize; 2], to: [usize; 2]) -> Vec<f32>
         .collect()
 }
 
-/// Weights of the samples from `first` on that make one sample of a smaller row.
+/// Weights of the samples from `first` on that sum to one sample of a smaller row.
 struct Tent {
     first: usize,
     weights: Vec<f32>,
@@ -107,8 +112,9 @@ fn tents(from: usize, to: usize) -> Vec<Tent> {
     (0..to).map(one).collect()
 }
 
-/// Returns a smaller image whose pixels are rounded means of the pixels that they stand for, each pixel counted once. Sizes
-/// are columns and rows.
+/// Returns a smaller image whose pixels are rounded means of the pixels that they cover.
+///
+/// Each pixel is counted once. Sizes are columns and rows.
 #[must_use]
 pub fn area_mean_rgb8(pixels: &[[u8; 3]], from: [u32; 2], to: [u32; 2]) -> Vec<[u8; 3]> {
     let mut means = Vec::with_capacity(to[0] as usize * to[1] as usize);
@@ -128,7 +134,7 @@ pub fn area_mean_rgb8(pixels: &[[u8; 3]], from: [u32; 2], to: [u32; 2]) -> Vec<[
     means
 }
 
-/// The columns (or rows) of `from` that make column `at` of `to`.
+/// Returns the columns (or rows) of `from` that make up column `at` of `to`.
 fn span(at: u32, to: u32, from: u32) -> Range<usize> {
     let edge = |at: u32| (u64::from(at) * u64::from(from) / u64::from(to)) as usize;
     edge(at)..edge(at + 1)
@@ -150,7 +156,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn halves_leave_off_odd_rows_and_columns() {
+    fn halving_drops_odd_rows_and_columns() {
         let values: Vec<f32> = (0..15).map(|at| at as f32).collect();
         assert_eq!(halve(&values, 5, 3, mean_of_four), [3.0, 5.0]);
         assert_eq!(halve(&values[..3], 1, 3, mean_of_four), [0.5]);
@@ -159,14 +165,14 @@ mod tests {
     }
 
     #[test]
-    fn halves_of_anything() {
+    fn halving_uses_any_mean() {
         let taken = [true, false, false, false, false, false, false, false];
         let any = |four: [bool; 4]| four.contains(&true);
         assert_eq!(halve(&taken, 4, 2, any), [true, false]);
     }
 
     #[test]
-    fn blocks_of_two_are_halves() {
+    fn block_means_of_two_equal_halving() {
         let values: Vec<f32> = (0..24).map(|at| (at * at % 11) as f32).collect();
         assert_eq!(
             block_means(&values, 6, 2),
@@ -194,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn areas_are_rounded_means() {
+    fn area_means_are_rounded() {
         let pixels: Vec<[u8; 3]> = (0..8 * 4)
             .map(|at| [if at % 8 < 4 { 10 } else { 200 }, at as u8, 7])
             .collect();

@@ -1,8 +1,9 @@
-//! Values between pixels.
+//! Interpolation between pixels.
 //!
-//! There are two forms of linear interpolation, which round differently; results that must stay the same to the bit keep
-//! theirs. [`lerp`] and [`bilinear`] step from one value towards the next. [`blend`], [`bilinear_weights`] and
-//! [`Corners`] sum weighted values, which also serves where the values are vectors or rows of channels.
+//! There are two forms of linear interpolation, which round differently; callers whose results must
+//! stay bit-identical keep theirs. [`lerp`] and [`bilinear`] step from one value towards the next.
+//! [`blend`], [`bilinear_weights`] and [`Corners`] sum weighted values, which also works if the
+//! values are vectors or rows of channels.
 
 use crate::statistics::Real;
 
@@ -20,16 +21,18 @@ pub fn blend<T: Real>(a: T, b: T, share: T) -> T {
     (T::ONE - share) * a + share * b
 }
 
-/// Returns the value between four: upper left, upper right, lower left, lower right; `share` goes from 0 to 1 to the right
-/// and down.
+/// Returns the value between four: upper left, upper right, lower left, lower right.
+///
+/// `share` goes from 0 to 1 to the right and down.
 #[must_use]
 #[inline(always)]
 pub fn bilinear<T: Real>([a, b, c, d]: [T; 4], share: [T; 2]) -> T {
     lerp(lerp(a, b, share[0]), lerp(c, d, share[0]), share[1])
 }
 
-/// Returns the weights of upper left, upper right, lower left and lower right; `share` goes from 0 to 1 to the right and
-/// down.
+/// Returns the weights of upper left, upper right, lower left and lower right.
+///
+/// `share` goes from 0 to 1 to the right and down.
 #[must_use]
 #[inline(always)]
 pub fn bilinear_weights<T: Real>([u, v]: [T; 2]) -> [T; 4] {
@@ -44,15 +47,16 @@ pub fn bilinear_weights<T: Real>([u, v]: [T; 2]) -> [T; 4] {
 /// The four pixels around a position, and their bilinear weights.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Corners {
-    /// Places of upper left, upper right, lower left and lower right.
+    /// Indices of upper left, upper right, lower left and lower right.
     pub pixels: [usize; 4],
     /// Weights, which sum to 1.
     pub weights: [f32; 4],
 }
 
 impl Corners {
-    /// Those around the position `x`, `y`, at which the centre of the top-left pixel is (0, 0). Beyond the border the nearest
-    /// position within the image counts.
+    /// Returns the pixels around a position, where the centre of the top-left pixel is (0, 0).
+    ///
+    /// Positions beyond the border are moved to the nearest position within the image.
     #[must_use]
     #[inline(always)]
     pub fn around([x, y]: [f32; 2], width: usize, height: usize) -> Self {
@@ -88,21 +92,21 @@ mod tests {
     }
 
     #[test]
-    fn pixel_centres_are_the_pixels() {
+    fn sampling_at_pixel_centres_returns_the_pixels() {
         for (at, &grey) in GREY.iter().enumerate() {
             assert_eq!(sampled([(at % 3) as f32, (at / 3) as f32]), grey);
         }
     }
 
     #[test]
-    fn beyond_the_border_the_nearest_position_counts() {
+    fn positions_beyond_the_border_are_clamped() {
         assert_eq!(sampled([-4.0, -1.0]), 0.0);
         assert_eq!(sampled([9.0, 0.5]), 45.0);
         assert_eq!(sampled([1.5, 7.0]), 60.0);
     }
 
     #[test]
-    fn both_forms_go_evenly_from_one_to_the_other() {
+    fn both_forms_interpolate_linearly() {
         assert_eq!((lerp(2.0, 6.0, 0.25), blend(2.0, 6.0, 0.25)), (3.0, 3.0));
         assert_eq!(
             (blend(0.1_f32, 0.7, 0.0), blend(0.1_f32, 0.7, 1.0)),
@@ -112,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn between_four_values() {
+    fn bilinear_interpolates_between_four_values() {
         let four = [1.0_f64, 3.0, 5.0, 11.0];
         let corners = [
             ([0.0, 0.0], 1.0),

@@ -1,6 +1,6 @@
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
-/// A slot for one value between threads, in which the newest wins: a value that was not taken is replaced.
+/// A slot that passes one value between threads; a newer value replaces one that was not taken.
 #[derive(Debug)]
 pub struct Latest<T> {
     slot: Mutex<Slot<T>>,
@@ -26,19 +26,19 @@ impl<T> Default for Latest<T> {
 }
 
 impl<T> Latest<T> {
-    /// Puts a value in; returns the one it replaces.
+    /// Stores a value; returns the one that it replaces.
     pub fn put(&self, value: T) -> Option<T> {
         let old = self.lock().value.replace(value);
         self.changed.notify_one();
         old
     }
 
-    /// Takes the value if there is one; never waits.
+    /// Takes the value if there is one, without waiting.
     pub fn take(&self) -> Option<T> {
         self.lock().value.take()
     }
 
-    /// Waits for a value and takes it; `None` once the slot is closed.
+    /// Waits for a value and takes it; returns `None` once the slot is closed.
     pub fn wait(&self) -> Option<T> {
         let mut slot = self.lock();
         loop {
@@ -55,7 +55,7 @@ impl<T> Latest<T> {
         }
     }
 
-    /// Ends all waiting, now and later.
+    /// Closes the slot and ends all waiting, now and later.
     pub fn close(&self) {
         self.lock().closed = true;
         self.changed.notify_all();
@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_newest_wins() {
+    fn newest_value_wins() {
         let latest = Latest::default();
         assert_eq!(latest.put(1), None);
         assert_eq!(latest.put(2), Some(1));

@@ -1,8 +1,10 @@
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
-/// Loads values by key on worker threads; the latest list of requests replaces the one before, so that keys
-/// no longer requested are never loaded.
+/// Loads values by key on worker threads.
+///
+/// The latest list of requests replaces the one before, so that keys that are no longer requested
+/// are never loaded.
 pub struct Loader<K, V> {
     requests: Arc<Requests<K>>,
     done: Mutex<Receiver<(K, V)>>,
@@ -20,7 +22,9 @@ struct State<K> {
 }
 
 impl<K: Clone + PartialEq + Send + 'static, V: Send + 'static> Loader<K, V> {
-    /// Starts `threads` workers called `name`. `notify` is called after each finished load, on the worker's thread.
+    /// Starts `threads` workers called `name`.
+    ///
+    /// `notify` is called after each finished load, on the worker's thread.
     #[must_use]
     pub fn new(
         name: &str,
@@ -42,7 +46,8 @@ impl<K: Clone + PartialEq + Send + 'static, V: Send + 'static> Loader<K, V> {
         for _ in 0..threads.max(1) {
             let (requests, work, sender) =
                 (Arc::clone(&requests), Arc::clone(&work), sender.clone());
-            // Without a thread nothing is loaded; the window then shows empty images but goes on.
+            // Without a thread, nothing is loaded; the window then shows empty images but keeps
+            // working.
             let _ = std::thread::Builder::new()
                 .name(name.into())
                 .spawn(move || serve(&requests, &work.0, &work.1, &sender));
@@ -53,7 +58,9 @@ impl<K: Clone + PartialEq + Send + 'static, V: Send + 'static> Loader<K, V> {
         }
     }
 
-    /// Replaces the list of requests, most urgent first. Loads already running continue and are not started twice.
+    /// Replaces the list of requests, most urgent first.
+    ///
+    /// Loads already running continue and are not started twice.
     pub fn want(&self, keys: Vec<K>) {
         let mut state = self.requests.lock();
         state.wanted = keys

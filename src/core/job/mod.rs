@@ -1,4 +1,4 @@
-//! Work off the window's thread: progress, stopping, named workers, newest-wins slots.
+//! Background jobs: progress, cancellation, named workers, newest-wins slots.
 
 mod latest;
 mod loader;

@@ -4,15 +4,17 @@ use std::thread::JoinHandle;
 
 use super::{Progress, Running};
 
-/// As much work waits as may wait.
+/// Error: the queue is full.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("the queue is full; try again when some of the work is done")]
 pub struct Full;
 
 type Task = Box<dyn FnOnce() + Send>;
 
-/// Named threads that share one bounded queue, first come, first served. Dropping it forgets what waits and ends the
-/// threads when they have finished what they are at.
+/// Named threads that share one bounded queue, first come, first served.
+///
+/// Dropping the pool discards waiting work and joins its threads once they have finished their
+/// current work.
 pub struct Pool {
     shared: Arc<Shared>,
     threads: Vec<JoinHandle<()>>,
@@ -31,7 +33,7 @@ struct Queue {
 }
 
 impl Pool {
-    /// `threads` threads named `name`, for which at most `capacity` pieces of work wait (both at least 1).
+    /// Starts `threads` threads named `name` with a queue of at most `capacity` (both at least 1).
     #[must_use]
     pub fn new(name: &str, threads: usize, capacity: usize) -> Self {
         let queue = Mutex::new(Queue::default());
@@ -54,7 +56,7 @@ impl Pool {
     /// Puts work at the end of the queue.
     ///
     /// # Errors
-    /// [`Full`] when as much waits as may wait (or no thread could be started).
+    /// [`Full`] if the queue is full (or no thread could be started).
     pub fn submit<T: Send + 'static>(
         &self,
         progress: Progress,
@@ -71,10 +73,10 @@ impl Pool {
         Ok(running)
     }
 
-    /// Forgets all work that has not begun; its handles get [`super::JobError::Discarded`].
+    /// Discards all work that has not begun; its handles get [`super::JobError::Discarded`].
     pub fn clear(&self) {
         let forgotten = std::mem::take(&mut self.shared.lock().waiting);
-        drop(forgotten); // outside the lock: what tasks hold may take time to free
+        drop(forgotten); // outside the lock: freeing what tasks hold may take time
     }
 }
 
@@ -137,7 +139,7 @@ mod tests {
     use super::super::JobError;
     use super::*;
 
-    /// A pool of one thread that is busy until the sender is dropped or used.
+    /// Returns a pool of one thread that is busy until the sender is dropped or used.
     fn busy_pool(capacity: usize) -> (Pool, Sender<()>) {
         let pool = Pool::new("test", 1, capacity);
         let ((go, gate), (began, wait)): ((_, Receiver<()>), _) = (channel(), channel());
@@ -151,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn no_more_waits_than_may_wait() {
+    fn queue_rejects_work_beyond_its_capacity() {
         let (pool, go) = busy_pool(2);
         let first = pool.submit(Progress::default(), |_| 1).unwrap();
         let second = pool.submit(Progress::default(), |_| 2).unwrap();
@@ -170,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn a_panic_does_not_end_the_thread() {
+    fn panic_does_not_end_the_thread() {
         let pool = Pool::new("test", 1, 4);
         let broken = pool
             .submit(Progress::default(), |_| panic!("broken"))

@@ -1,27 +1,27 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// The user asked the running work to stop; what was finished before is kept.
+/// The running work was asked to stop; whatever was finished before is kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("stopped")]
 pub struct Stopped;
 
-/// A snapshot of how far a piece of work is.
+/// A snapshot of the progress of a job.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ProgressReport {
-    /// What is being done now, e.g. `track`; empty before the first stage.
+    /// Name of the current stage, e.g. `track`; empty before the first stage.
     pub stage: String,
-    /// Units done of this stage.
+    /// Units of this stage that are done.
     pub done: usize,
-    /// Units of this stage in all; 0 = not known.
+    /// Total units of this stage; 0 = unknown.
     pub total: usize,
 }
 
-/// A handle shared by a job and those who watch it: reports progress and notices stop in one call.
+/// A handle shared by a job and its observers, for reporting progress and requesting a stop.
 #[derive(Debug, Clone, Default)]
 pub struct Progress {
     shared: Arc<Shared>,
-    /// Those of the works that this one is a part of.
+    /// State of the jobs that this one is a part of.
     wholes: Vec<Arc<Shared>>,
 }
 
@@ -32,8 +32,10 @@ struct Shared {
 }
 
 impl Progress {
-    /// A handle for a part of this work: a stop of the whole stops the part, a stop of the part leaves the whole going;
-    /// what the part reports is not the whole's.
+    /// Returns a handle for a part of this job.
+    ///
+    /// Stopping the whole stops the part; stopping the part does not stop the whole. Progress of
+    /// the part is not reported by the whole.
     #[must_use]
     #[inline]
     pub fn part(&self) -> Self {
@@ -49,10 +51,10 @@ impl Progress {
         }
     }
 
-    /// Starts a new stage with nothing done.
+    /// Starts a new stage without progress.
     ///
     /// # Errors
-    /// [`Stopped`] when a stop was asked for.
+    /// [`Stopped`] if a stop was requested.
     #[inline]
     pub fn stage(&self, name: &str) -> Result<(), Stopped> {
         let mut report = self.lock();
@@ -63,10 +65,12 @@ impl Progress {
         self.check()
     }
 
-    /// Reports `done` of `total` units of the stage; call at least every 100 ms of work.
+    /// Reports `done` of `total` units of the stage.
+    ///
+    /// Call it at least every 100 ms of work.
     ///
     /// # Errors
-    /// [`Stopped`] when a stop was asked for.
+    /// [`Stopped`] if a stop was requested.
     #[inline]
     pub fn step(&self, done: usize, total: usize) -> Result<(), Stopped> {
         let mut report = self.lock();
@@ -75,10 +79,10 @@ impl Progress {
         self.check()
     }
 
-    /// Notices a stop without reporting; cheap enough for inner loops over rows.
+    /// Checks for a stop without reporting; cheap enough for inner loops over rows.
     ///
     /// # Errors
-    /// [`Stopped`] when a stop was asked for.
+    /// [`Stopped`] if a stop was requested.
     #[inline]
     pub fn check(&self) -> Result<(), Stopped> {
         let is_stopped = |shared: &Arc<Shared>| shared.stop.load(Ordering::Relaxed);
@@ -89,13 +93,13 @@ impl Progress {
         }
     }
 
-    /// Asks the work to stop at its next step.
+    /// Requests that the job stops at its next step.
     #[inline]
     pub fn stop(&self) {
         self.shared.stop.store(true, Ordering::Relaxed);
     }
 
-    /// How far the work is.
+    /// Returns the current progress.
     #[must_use]
     #[inline]
     pub fn report(&self) -> ProgressReport {
@@ -115,7 +119,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_part_stops_alone_or_with_the_whole() {
+    fn part_stops_alone_or_with_the_whole() {
         let whole = Progress::default();
         let (first, second) = (whole.part(), whole.part());
         first.stop();

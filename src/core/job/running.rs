@@ -3,27 +3,29 @@ use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
 
 use super::Progress;
 
-/// Why a piece of work gave no result.
+/// Reason why a job has no result.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum JobError {
-    /// It hit a bug. Caught here and nowhere else.
+    /// The job panicked because of a bug. Panics are caught here and nowhere else.
     #[error("a bug in this program stopped the work ({what}); please report it")]
     Panicked {
-        /// The message of the panic.
+        /// Message of the panic.
         what: String,
     },
-    /// It was taken out of the queue before it began, or its result was taken already.
+    /// The job was removed from the queue before it began, or its result was taken already.
     #[error("the work was dropped from the queue")]
     Discarded,
-    /// The system gives no more threads.
+    /// The system could not start another thread.
     #[error("no thread can be started ({what}); close other programs")]
     NoThread {
-        /// What the system said.
+        /// Message of the system.
         what: String,
     },
 }
 
-/// A piece of work on another thread, and its result once there is one. Dropping it lets the work go on unseen.
+/// A job on another thread and its future result.
+///
+/// Dropping it lets the job continue without an observer.
 #[derive(Debug)]
 pub struct Running<T> {
     progress: Progress,
@@ -31,7 +33,7 @@ pub struct Running<T> {
 }
 
 impl<T: Send + 'static> Running<T> {
-    /// Runs `work` on a thread of its own, named `name`.
+    /// Runs `work` on its own thread, named `name`.
     pub fn spawn(
         name: &str,
         progress: Progress,
@@ -46,7 +48,7 @@ impl<T: Send + 'static> Running<T> {
         running
     }
 
-    /// The handle, the task that a thread must run, and a way to answer in its place.
+    /// Returns the handle, the task for a thread to run, and a sender for a result in its place.
     pub(super) fn prepare(
         progress: Progress,
         work: impl FnOnce(&Progress) -> T + Send + 'static,
@@ -66,7 +68,7 @@ impl<T: Send + 'static> Running<T> {
         (Self { progress, outcome }, task, sender)
     }
 
-    /// The result, once: `None` while the work goes on.
+    /// Returns the result, once; `None` while the job is running.
     pub fn try_take(&self) -> Option<Result<T, JobError>> {
         match self.outcome.try_recv() {
             Ok(result) => Some(result),
@@ -75,20 +77,20 @@ impl<T: Send + 'static> Running<T> {
         }
     }
 
-    /// Waits for the result. Not for the window's thread.
+    /// Waits for the result; not for use on the window's thread.
     ///
     /// # Errors
-    /// [`JobError`] when there is none.
+    /// [`JobError`] if there is no result.
     pub fn join(self) -> Result<T, JobError> {
         self.outcome.recv().unwrap_or(Err(JobError::Discarded))
     }
 
-    /// Asks the work to stop at its next step.
+    /// Requests that the job stops at its next step.
     pub fn stop(&self) {
         self.progress.stop();
     }
 
-    /// How far it is.
+    /// Returns the current progress.
     #[must_use]
     pub fn progress(&self) -> &Progress {
         &self.progress
@@ -111,7 +113,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_result_comes_once() {
+    fn result_is_returned_once() {
         let running = Running::spawn("adder", Progress::default(), |_| 2 + 2);
         let result = loop {
             if let Some(result) = running.try_take() {
@@ -124,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stop_reaches_the_work_through_its_progress() {
+    fn stop_reaches_the_job_through_its_progress() {
         let running = Running::spawn("counter", Progress::default(), |progress| {
             let mut done = 0;
             while progress.step(done, 0).is_ok() {
@@ -137,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn a_panic_is_a_result() {
+    fn panic_is_returned_as_an_error() {
         let running = Running::spawn("broken", Progress::default(), |_| -> u8 {
             panic!("index {} is out", 7)
         });

@@ -6,16 +6,16 @@ use crate::ransac::{Estimator, RansacOptions, consensus};
 use crate::solvers::{minimise, p3p};
 use crate::{Camera, Pose};
 
-/// When points agree with a pose, and how long to look for one.
+/// Options of [`estimate_absolute_pose`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AbsolutePoseOptions {
-    /// Largest reprojection error of an inlier in pixels.
+    /// Maximum reprojection error of an inlier, pixels.
     pub max_error_px: f64,
-    /// Wanted probability of having drawn a sample without outliers.
+    /// Required probability of having drawn a sample without outliers.
     pub confidence: f64,
-    /// Samples at most.
+    /// Maximum number of samples.
     pub max_iterations: usize,
-    /// Fewer inliers are no agreement.
+    /// Minimum number of inliers of an accepted pose.
     pub min_inliers: usize,
     /// Seed of the samples.
     pub seed: u64,
@@ -33,24 +33,26 @@ impl Default for AbsolutePoseOptions {
     }
 }
 
-/// Where a camera stood, and which points say so.
+/// Pose of a camera and the points that support it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AbsolutePose {
-    /// The pose.
+    /// Estimated pose.
     pub camera_from_world: Pose,
-    /// Indices of the points that agree, ascending.
+    /// Indices of the inliers, ascending.
     pub inliers: Vec<u32>,
 }
 
-/// Steps of a refinement between samples, and points that it uses.
+/// Maximum number of steps and of points of a refinement between samples.
 const QUICK_STEPS: usize = 6;
 const QUICK_POINTS: usize = 300;
-/// A wrong pose explains this many points by its sample, and a few more by chance.
+/// A wrong pose explains the points of its sample, and a few more by chance: up to this many.
 const BY_CHANCE: usize = 6;
 
-/// The pose of a camera that sees `points[i]` (world space) at `at_px[i]`, some of them wrong: three points a sample,
-/// the best pose refined over what agrees with it. `None` where fewer than `min_inliers` agree, or all of these lie in
-/// one line.
+/// Estimates the pose of a camera that sees `points[i]` (world space) at `at_px[i]`.
+///
+/// Some correspondences may be wrong: samples of three points are drawn (P3P in RANSAC), and the
+/// best pose is refined over its inliers. Returns `None` if fewer than `min_inliers` agree, or if
+/// all inliers lie in one line.
 #[must_use]
 pub fn estimate_absolute_pose(
     camera: &Camera,
@@ -70,7 +72,7 @@ pub fn estimate_absolute_pose(
     })
 }
 
-/// Pose and places of the inliers.
+/// Returns the pose and the indices of the inliers.
 pub(super) fn pose_of(
     camera: &Camera,
     seen: &[Seen],
@@ -113,7 +115,7 @@ pub(super) fn chosen(seen: &[Seen], places: &[u32]) -> Vec<Seen> {
     places.iter().map(|&place| seen[place as usize]).collect()
 }
 
-/// Whether points lie so near a line that a camera may turn about it.
+/// Returns whether points are so close to a line that a camera may rotate about it.
 fn in_one_line(points: impl Iterator<Item = DVec3> + Clone) -> bool {
     let count = points.clone().count() as f64;
     let mean = points.clone().sum::<DVec3>() / count;
@@ -166,14 +168,16 @@ impl Estimator for Resection<'_> {
     }
 }
 
-/// Levenberg–Marquardt steps over pose and focal length.
+/// Maximum number of Levenberg–Marquardt steps over pose and focal length.
 const STEPS: usize = 50;
-/// How often the inliers are chosen again.
+/// Number of times the inliers are selected again.
 const ROUNDS: usize = 2;
 
-/// Pose of a camera whose focal length is only guessed: each of the `factors` on the guess is tried, and that with most
-/// inliers refined together with the pose. The first value is what the guess is to be multiplied by. `None` where no
-/// factor brings `min_inliers` to agree.
+/// Estimates the pose of a camera whose focal length is only a guess.
+///
+/// Each of the `factors` on the guess is tried. The focal length with the most inliers is refined
+/// together with the pose. The first value returned is the factor on the guess. Returns `None` if
+/// no factor gives `min_inliers` inliers.
 #[must_use]
 pub fn estimate_absolute_pose_and_focal(
     camera: &Camera,
@@ -226,7 +230,7 @@ pub fn estimate_absolute_pose_and_focal(
     ))
 }
 
-/// A camera's pose with one focal length.
+/// A camera's pose for one focal length.
 struct Found {
     camera: Camera,
     seen: Vec<Seen>,
@@ -235,7 +239,7 @@ struct Found {
 }
 
 impl Found {
-    /// Focal length and pose refined over the inliers; `None` where that loses inliers.
+    /// Refines focal length and pose over the inliers; returns `None` if that loses inliers.
     fn with_focal_refined(
         &self,
         at_px: &[DVec2],

@@ -1,4 +1,4 @@
-//! Where a camera stood that sees known points.
+//! Absolute pose: estimates the pose of a camera from known points that it sees.
 
 mod estimate;
 mod refine;

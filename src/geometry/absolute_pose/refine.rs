@@ -4,13 +4,15 @@ use super::seen::{Seen, seen};
 use crate::solvers::{Linearised, Problem, minimise};
 use crate::{Camera, Pose};
 
-/// Levenberg–Marquardt steps at most.
+/// Maximum number of Levenberg–Marquardt steps.
 const STEPS: usize = 20;
-/// Where Cauchy's loss begins to doubt an error, in pixels.
+/// Scale of Cauchy's loss, pixels.
 const DOUBT_PX: f64 = 1.0;
 
-/// The pose near `start` with the least reprojection error under Cauchy's loss (scale 1 px), lens distortion included.
-/// Points that are not finite are passed over; `start` is given back where fewer than three remain.
+/// Refines a pose to the least reprojection error under Cauchy's loss (scale 1 px).
+///
+/// Lens distortion is included. Points that are not finite are skipped. Returns `start` if fewer
+/// than three points remain.
 #[must_use]
 pub fn refine_absolute_pose(
     camera: &Camera,
@@ -36,30 +38,30 @@ pub(super) fn refined(camera: &Camera, start: &Pose, seen: &[Seen], max_steps: u
     .pose
 }
 
-/// Pose, or pose and focal length, of a camera against the points it sees.
+/// Reprojection problem over the pose, or the pose and focal length, of a camera.
 pub(super) struct Reprojection<'a> {
     pub camera: Camera,
     pub pose: Pose,
     pub seen: &'a [Seen],
 }
 
-/// Cost of a point behind the camera or beyond the lens, in square pixels.
+/// Cost of a point behind the camera or outside the lens model, square pixels.
 const UNSEEN: f64 = 1e6;
 
-/// One point's part of the linearised problem.
+/// Contribution of one point to the linearised problem.
 struct Row {
     miss: DVec2,
-    /// Derivative of the position in pixels by a shift of the point in camera space.
+    /// Derivative of the pixel position by a translation of the point in camera space.
     shift: [DVec3; 2],
-    /// The point turned into the camera's axes.
+    /// The point, rotated into the camera's axes.
     turned: DVec3,
-    /// Position in pixels from the principal point.
+    /// Position relative to the principal point, pixels.
     from_centre: DVec2,
     weight: f64,
 }
 
 impl Reprojection<'_> {
-    /// Calls `add` for every point that the camera sees; returns the cost of all.
+    /// Calls `add` for every point that the camera sees; returns the total cost.
     fn each(&self, mut add: impl FnMut(&Row)) -> f64 {
         const SCALE: f64 = DOUBT_PX * DOUBT_PX;
         let mut cost = 0.0;
@@ -124,7 +126,7 @@ impl Problem<6> for Reprojection<'_> {
     }
 }
 
-/// The seventh number is the logarithm of the focal length.
+/// The seventh parameter is the logarithm of the focal length.
 impl Problem<7> for Reprojection<'_> {
     fn linearise(&self) -> Linearised<7> {
         let mut sum = Linearised::ZERO;

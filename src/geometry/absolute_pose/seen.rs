@@ -5,7 +5,7 @@ use crate::camera::pixel_slope;
 use crate::ransac::{Cutoff, LANES, within};
 use crate::{Camera, Pose};
 
-/// A known point and where the camera sees it.
+/// A known point and its position in the image.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Seen {
     pub point: DVec3,
@@ -13,11 +13,11 @@ pub(super) struct Seen {
     pub ray: DVec2,
     /// Derivative of the pixel position by the position on the plane z = 1.
     pub slope: DMat2,
-    /// Where it stood in the caller's lists.
+    /// Index in the caller's lists.
     pub given: u32,
 }
 
-/// All points that are finite and seen where the lens covers something.
+/// Returns all points that are finite and at positions that the lens covers.
 pub(super) fn seen(camera: &Camera, at_px: &[DVec2], points: &[DVec3]) -> Vec<Seen> {
     let one = |(given, (&at_px, &point)): (usize, (&DVec2, &DVec3))| {
         let ray = camera.unproject(at_px);
@@ -43,7 +43,7 @@ pub(super) fn seen(camera: &Camera, at_px: &[DVec2], points: &[DVec3]) -> Vec<Se
         .collect()
 }
 
-/// Eight of them side by side; places without one hold NaN, which no pose explains.
+/// Eight points for SIMD; unused lanes hold NaN, which no pose explains.
 #[derive(Debug, Clone, Copy)]
 struct Block {
     point: [[f64; LANES]; 3],
@@ -51,7 +51,7 @@ struct Block {
     slope: [[f64; LANES]; 4],
 }
 
-/// Points as a kernel reads them.
+/// Points in the layout of the SIMD kernel.
 pub(super) struct Blocks {
     blocks: Vec<Block>,
     count: usize,
@@ -85,7 +85,7 @@ impl Blocks {
         }
     }
 
-    /// Sum of squared errors cut off at the limit; stops early above `enough`.
+    /// Returns the sum of squared errors truncated at the limit; stops early above `enough`.
     pub fn cost(&self, pose: &Pose, enough: f64) -> f64 {
         let (rotation, translation) = (DMat3::from_quat(pose.rotation), pose.translation);
         self.arch.dispatch(Cutoff::new(
@@ -97,7 +97,7 @@ impl Blocks {
         ))
     }
 
-    /// Places whose squared error is below the limit, ascending.
+    /// Returns the indices of points whose squared error is below the limit, ascending.
     pub fn within(&self, pose: &Pose) -> Vec<u32> {
         let rotation = DMat3::from_quat(pose.rotation);
         within(&self.blocks, self.limit, |block| {
@@ -106,8 +106,9 @@ impl Blocks {
     }
 }
 
-/// Squared reprojection errors in pixels, the lens taken to first order around where each point is seen; infinite behind
-/// the camera.
+/// Returns squared reprojection errors in pixels; infinite behind the camera.
+///
+/// The lens is linearised around the position of each point.
 #[inline(always)]
 fn errors(r: &DMat3, t: DVec3, b: &Block) -> [f64; LANES] {
     let mut errors = [0.0; LANES];

@@ -27,7 +27,9 @@ struct Made {
     good: Vec<bool>,
 }
 
-/// Points at a depth of 2 to 8 seen with 0.5 px noise, mixed with `bad` ones seen anywhere.
+/// Returns points at depths of 2 to 8 with 0.5 px noise.
+///
+/// They are mixed with `bad` ones at random positions.
 fn made(seed: u64, camera: &Camera, good: usize, bad: usize) -> Made {
     let random = &mut Pcg64Mcg::seed_from_u64(seed);
     let mut made = Made {
@@ -51,7 +53,7 @@ fn made(seed: u64, camera: &Camera, good: usize, bad: usize) -> Made {
         );
         let mut noise = || (0..12).map(|_| random.random_range(-0.5..0.5)).sum::<f64>() * 0.5;
         let noise = DVec2::new(noise(), noise());
-        // Bad ones first: the order must not decide.
+        // Outliers first: the order must not matter.
         made.at_px
             .push(if i < bad { place(random) } else { at + noise });
         made.good.push(i >= bad);
@@ -59,7 +61,7 @@ fn made(seed: u64, camera: &Camera, good: usize, bad: usize) -> Made {
     made
 }
 
-/// Rotation error in degrees, and error of the centre.
+/// Returns the rotation error in degrees and the error of the centre.
 fn errors(found: &Pose) -> [f64; 2] {
     [
         found.rotation.angle_between(truth().rotation).to_degrees(),
@@ -88,7 +90,7 @@ fn cameras() -> [Camera; 3] {
 }
 
 #[test]
-fn half_wrong_and_the_pose_is_found_through_every_lens() {
+fn pose_is_estimated_with_half_outliers_for_every_lens() {
     for camera in cameras() {
         for seed in 0..10 {
             let made = made(seed, &camera, 200, 200);
@@ -112,7 +114,7 @@ fn half_wrong_and_the_pose_is_found_through_every_lens() {
 }
 
 #[test]
-fn refinement_leaves_a_bad_start_and_bears_outliers() {
+fn refinement_converges_from_a_bad_start_despite_outliers() {
     for camera in cameras() {
         let made = made(3, &camera, 200, 40);
         let start = Pose {
@@ -139,7 +141,7 @@ fn refinement_leaves_a_bad_start_and_bears_outliers() {
 }
 
 #[test]
-fn an_unknown_focal_length_is_found() {
+fn unknown_focal_length_is_estimated() {
     for camera in cameras() {
         let made = made(4, &camera, 300, 100);
         let guess = Camera {
@@ -161,7 +163,7 @@ fn an_unknown_focal_length_is_found() {
 }
 
 #[test]
-fn nothing_agrees_and_degenerate_input_are_none() {
+fn random_and_degenerate_input_give_none() {
     let options = AbsolutePoseOptions::default();
     let eager = AbsolutePoseOptions {
         min_inliers: 0,

@@ -1,4 +1,4 @@
-//! Large sparse symmetric equations in blocks of six unknowns: a pose each.
+//! Large sparse symmetric systems of equations in blocks of six unknowns (one pose each).
 
 mod skyline;
 mod solve;

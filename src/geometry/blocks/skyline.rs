@@ -1,17 +1,22 @@
-//! The one inner loop: products of blocks of six rows, as columns of six that the compiler turns into vectors.
+//! Skyline storage and block Cholesky factorisation.
+//!
+//! The inner loop is products of blocks of six rows, stored as columns of six that the compiler
+//! vectorises.
 
 use pulp::{Arch, Simd, WithSimd};
 
-/// Unknowns in a block: a pose has six; a camera's intrinsics are padded to six or twelve.
+/// Number of unknowns in a block.
+///
+/// A pose has six; a camera's intrinsics are padded to six or twelve.
 pub const BLOCK: usize = 6;
 
 /// One column of a block.
 pub type Column = [f64; BLOCK];
 
-/// A block as its six columns.
+/// A block, stored as its six columns.
 pub type Block = [Column; BLOCK];
 
-/// `target −= Σ_k a[k] · b[k]ᵀ`.
+/// Computes `target −= Σ_k a[k] · b[k]ᵀ`.
 #[inline(always)]
 pub fn subtract_products(target: &mut Block, a: &[Column], b: &[Column]) {
     let mut sum = *target;
@@ -25,14 +30,16 @@ pub fn subtract_products(target: &mut Block, a: &[Column], b: &[Column]) {
     *target = sum;
 }
 
-/// The inner product of two columns.
+/// Returns the inner product of two columns.
 #[inline(always)]
 pub fn dot(a: &Column, b: &Column) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// A symmetric matrix of blocks of six, of which each block row is kept from its first block that is not zero to the
-/// diagonal: factoring fills nothing left of that (A. Jennings, *A compact storage scheme for the solution of symmetric
+/// A symmetric matrix of 6×6 blocks in skyline storage.
+///
+/// Each block row is stored from its first non-zero block to the diagonal; factorisation fills
+/// nothing left of that (A. Jennings, *A compact storage scheme for the solution of symmetric
 /// linear simultaneous equations*, The Computer Journal 1966).
 #[derive(Debug, Clone, Default)]
 pub struct Skyline {
@@ -42,13 +49,13 @@ pub struct Skyline {
 /// One row of blocks.
 #[derive(Debug, Clone)]
 pub struct Row {
-    /// The first block that is kept.
+    /// Column of the first stored block.
     pub first: usize,
-    /// From the first to that on the diagonal.
+    /// Blocks from the first to the diagonal one.
     pub blocks: Vec<Block>,
 }
 
-/// A pivot below this share of the entry it began as counts as zero.
+/// Ratio to its original entry below which a pivot counts as zero.
 const PIVOT: f64 = 1e-13;
 
 struct Factor<'a>(&'a mut Skyline);
@@ -63,7 +70,7 @@ impl WithSimd for Factor<'_> {
 }
 
 impl Skyline {
-    /// All zero; `first` holds the first block of each row.
+    /// Returns a zero matrix; `first` holds the column of the first block of each row.
     pub fn new(first: &[usize]) -> Self {
         let row = |(i, &first): (usize, &usize)| Row {
             first,
@@ -74,13 +81,13 @@ impl Skyline {
         }
     }
 
-    /// Multiplications that [`Self::factor`] takes.
+    /// Returns the number of multiplications that [`Self::factor`] takes.
     pub fn work(&self) -> f64 {
         let of = |row: &Row| (row.blocks.len() * row.blocks.len()) as f64;
         0.5 * (BLOCK * BLOCK * BLOCK) as f64 * self.rows.iter().map(of).sum::<f64>()
     }
 
-    /// Replaces the matrix by its Cholesky factor; `false` where it is not positive definite.
+    /// Replaces the matrix by its Cholesky factor; returns `false` if it is not positive definite.
     pub fn factor(&mut self) -> bool {
         Arch::new().dispatch(Factor(self))
     }
@@ -111,7 +118,7 @@ impl Skyline {
         factor_block(diagonal, &before)
     }
 
-    /// Solves for a right-hand side with the factor, in place.
+    /// Solves for a right-hand side in place, given the factor.
     pub fn solve(&self, x: &mut [Column]) {
         for (i, row) in self.rows.iter().enumerate() {
             let (before, rest) = x.split_at_mut(i);
@@ -132,7 +139,7 @@ impl Skyline {
     }
 }
 
-/// `target −= block · x`.
+/// Computes `target −= block · x`.
 #[inline(always)]
 pub fn subtract_product(target: &mut Column, block: &Block, x: &Column) {
     for (column, x) in block.iter().zip(x) {
@@ -142,7 +149,7 @@ pub fn subtract_product(target: &mut Column, block: &Block, x: &Column) {
     }
 }
 
-/// `block := block · L⁻ᵀ`; factors keep the inverse of their diagonal.
+/// Computes `block := block · L⁻ᵀ`; factors store the inverse of their diagonal.
 #[inline(always)]
 fn divide(block: &mut Block, factor: &Block) {
     for c in 0..BLOCK {
@@ -158,7 +165,7 @@ fn divide(block: &mut Block, factor: &Block) {
     }
 }
 
-/// Cholesky factor of a block that was `before` on the diagonal of the whole matrix.
+/// Computes the Cholesky factor of a block that was `before` on the diagonal of the whole matrix.
 #[inline(always)]
 pub fn factor_block(block: &mut Block, before: &Block) -> bool {
     for c in 0..BLOCK {
@@ -182,7 +189,7 @@ pub fn factor_block(block: &mut Block, before: &Block) -> bool {
     true
 }
 
-/// `x := L⁻¹ x` with a factored block.
+/// Computes `x := L⁻¹ x` with a factored block.
 #[inline(always)]
 pub fn forward(factor: &Block, x: &mut Column) {
     for c in 0..BLOCK {
@@ -193,7 +200,7 @@ pub fn forward(factor: &Block, x: &mut Column) {
     }
 }
 
-/// `x := L⁻ᵀ x` with a factored block.
+/// Computes `x := L⁻ᵀ x` with a factored block.
 #[inline(always)]
 pub fn backward(factor: &Block, x: &mut Column) {
     for c in (0..BLOCK).rev() {

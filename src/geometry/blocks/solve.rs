@@ -4,15 +4,20 @@ use super::skyline::{
     Block, Column, Skyline, backward, dot, factor_block, forward, subtract_product,
 };
 
-/// Steps at most.
+/// Maximum number of steps.
 const MAX_STEPS: usize = 500;
-/// The search ends when the gain of a step, times the steps so far, falls below this share of the whole gain
-/// (S. Nash, A. Sofer, *Assessing a search direction within a truncated-Newton method*, Operations Research Letters 1990).
+/// Relative gain at which the iteration stops.
+///
+/// It stops if the gain of a step, times the number of steps so far, falls below this share of the
+/// total gain (S. Nash, A. Sofer, *Assessing a search direction within a truncated-Newton method*,
+/// Operations Research Letters 1990).
 const TOLERANCE: f64 = 0.02;
 
-/// Solves `matrix · x = right` by preconditioned conjugate gradients, about as well as a step of Levenberg–Marquardt
-/// needs (S. Agarwal, N. Snavely, S. Seitz, R. Szeliski, *Bundle Adjustment in the Large*, ECCV 2010); each block on
-/// the diagonal is its own preconditioner. `None` where the matrix is not positive definite.
+/// Solves `matrix · x = right` by preconditioned conjugate gradients.
+///
+/// The accuracy is about what a step of Levenberg–Marquardt needs (S. Agarwal, N. Snavely, S.
+/// Seitz, R. Szeliski, *Bundle Adjustment in the Large*, ECCV 2010). The preconditioner is block
+/// Jacobi. Returns `None` if the matrix is not positive definite.
 pub fn conjugate_gradients(matrix: &Skyline, right: &[Column]) -> Option<Vec<Column>> {
     Arch::new().dispatch(Solve { matrix, right })
 }
@@ -45,7 +50,7 @@ impl WithSimd for Solve<'_> {
             let length = size / curvature;
             advance(&mut x, length, &direction);
             advance(&mut residual, -length, &product);
-            // The quadratic model falls by half of length · size with each step.
+            // The quadratic model decreases by half of length · size with each step.
             let more = 0.5 * length * size;
             gain += more;
             if step as f64 * more <= TOLERANCE * gain {
@@ -63,7 +68,7 @@ impl WithSimd for Solve<'_> {
     }
 }
 
-/// Which blocks of each row are not zero, the diagonal left out.
+/// Non-zero blocks of each row, without the diagonal.
 fn filled(matrix: &Skyline) -> Vec<Vec<u32>> {
     let is_filled = |block: &Block| block.as_flattened().iter().any(|&v| v != 0.0);
     let of_row = |blocks: &[Block]| {
@@ -98,7 +103,7 @@ fn precondition(preconditioner: &[Block], residual: &[Column]) -> Vec<Column> {
 
 #[inline(always)]
 fn multiply(matrix: &Skyline, filled: &[Vec<u32>], x: &[Column]) -> Vec<Column> {
-    // Signs are turned at the end: blocks know how to subtract.
+    // The sign is flipped at the end, because block products can only be subtracted.
     let mut out = vec![[0.0; 6]; x.len()];
     for (i, (row, filled)) in matrix.rows.iter().zip(filled).enumerate() {
         let mut own = [0.0; 6];
@@ -134,12 +139,15 @@ fn advance(x: &mut [Column], length: f64, direction: &[Column]) {
     }
 }
 
-/// Multiplications up to which the equations are factored (about 400 poses that are all tied to each other); beyond, they
-/// are solved by conjugate gradients.
+/// Maximum number of multiplications for a factorisation.
+///
+/// This is about 400 poses that are all connected with each other. Larger systems are solved by
+/// conjugate gradients.
 const DIRECT_WORK: f64 = 2.5e9;
 
-/// Solves `matrix · x = right`, to the accuracy that a step of Levenberg–Marquardt needs; `None` where the matrix is not
-/// positive definite or x not finite. The matrix is lost.
+/// Solves `matrix · x = right`, to the accuracy that a step of Levenberg–Marquardt needs.
+///
+/// Returns `None` if the matrix is not positive definite or x is not finite. Overwrites the matrix.
 #[must_use]
 pub fn solve(matrix: &mut Skyline, right: &[Column]) -> Option<Vec<Column>> {
     if matrix.work() > DIRECT_WORK {

@@ -12,8 +12,10 @@ use super::problem::{Bundle, BundleOptions, BundleSummary};
 use super::state::{Observed, State};
 use crate::blocks::{Column, dot};
 
-/// How far a step may go: damping of the normal equations and how it changes (the rule of K. Madsen, H. Nielsen,
-/// O. Tingleff, *Methods for Non-Linear Least Squares Problems*, 2004).
+/// Damping of the normal equations and how it changes.
+///
+/// The update rule is that of K. Madsen, H. Nielsen, O. Tingleff, *Methods for Non-Linear Least
+/// Squares Problems*, 2004.
 struct Damping {
     value: f64,
     growth: f64,
@@ -21,7 +23,7 @@ struct Damping {
 
 const FIRST_DAMPING: f64 = 1e-4;
 const LEAST_DAMPING: f64 = 1e-10;
-/// Beyond this no step is worth while.
+/// Maximum damping; beyond it, steps are too small to be useful.
 const MOST_DAMPING: f64 = 1e12;
 
 impl Damping {
@@ -37,14 +39,17 @@ impl Damping {
     }
 }
 
-/// Moves cameras, poses and points until the loss of their reprojection errors is least: Levenberg–Marquardt with
-/// iteratively reweighted least squares for the loss. `step(iteration, cost)` is asked before each iteration; `Break`
-/// ends it with the best state so far.
+/// Minimises the robust reprojection error over cameras, poses and points.
 ///
-/// Left out are observations that are not finite, name something that does not exist, or are not seen at the start
-/// (behind the camera, beyond a lens that folds back), and points seen from fewer than two images unless points are
-/// fixed. What is left without observations stays as it is. One that goes behind its camera on the way counts as an
-/// error of an image's diagonal.
+/// The method is Levenberg–Marquardt with iteratively reweighted least squares for the loss.
+/// `step(iteration, cost)` is called before each iteration; `Break` ends the adjustment with the
+/// best state so far.
+///
+/// Observations are ignored if they are not finite, have invalid indices, or are not visible at the
+/// start (behind the camera, or beyond a lens that folds back). Points seen from fewer than two
+/// images are ignored unless points are fixed. Anything left without observations keeps its value.
+/// An observation that goes behind its camera during the adjustment counts as an error of the
+/// image's diagonal.
 pub fn adjust(
     bundle: &mut Bundle,
     options: &BundleOptions,
@@ -67,7 +72,7 @@ pub fn adjust(
     summary
 }
 
-/// The adjustment under way; state and points are always the best so far.
+/// An adjustment in progress; state and points are always the best so far.
 struct Search {
     layout: Layout,
     pieces: Vec<Piece>,
@@ -105,7 +110,7 @@ impl Search {
         summary
     }
 
-    /// One step, taken if it lowers the cost; returns whether nothing is left to be gained.
+    /// Tries one step and accepts it if it lowers the cost; returns whether it has converged.
     fn iterate(&mut self, damping: &mut Damping, tolerance: f64) -> bool {
         self.normal
             .build(&self.pieces, &self.layout, &self.state, damping.value);
@@ -149,7 +154,7 @@ impl Search {
         }
     }
 
-    /// Writes the result back; what did not move keeps its very bits.
+    /// Writes the result back; values that did not change stay bit-identical.
     fn store(&self, bundle: &mut Bundle) {
         bundle.cameras.clone_from(&self.state.cameras);
         for (image, pose) in bundle.images.iter_mut().zip(&self.state.poses) {
@@ -163,27 +168,27 @@ impl Search {
     }
 }
 
-/// A step of all poses and intrinsics, to be tried.
+/// A candidate step of all poses and intrinsics.
 pub(super) struct Trial<'a> {
     pub layout: &'a Layout,
-    /// Before the step.
+    /// State before the step.
     pub state: &'a State,
-    /// After it.
+    /// State after the step.
     pub moved: &'a State,
     pub step: &'a [Column],
     pub damping: f64,
 }
 
-/// What a step brings.
+/// Effect of a step.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Outcome {
     /// Half the sum of the loss after the step, in px².
     pub cost: f64,
-    /// By how much the linear model lets the cost fall.
+    /// Decrease of the cost predicted by the linear model.
     pub predicted: f64,
 }
 
-/// Half the sum of the loss over all pieces, in px².
+/// Returns half the sum of the loss over all pieces, in px².
 pub(super) fn cost(pieces: &[Piece], state: &State) -> f64 {
     let of = |piece: &Piece| -> f64 {
         (0..piece.points.len())
@@ -195,8 +200,9 @@ pub(super) fn cost(pieces: &[Piece], state: &State) -> f64 {
 }
 
 impl Trial<'_> {
-    /// Moves the points as the step wants it (into [`Piece::tried`]) and evaluates the whole. Sums run in the order of
-    /// the pieces.
+    /// Moves the points by the step (into [`Piece::tried`]) and evaluates the cost.
+    ///
+    /// Sums are in the order of the pieces.
     pub fn evaluate(&self, pieces: &mut [Piece]) -> Outcome {
         let arch = Arch::new();
         let outcomes: Vec<Outcome> = pieces
@@ -211,7 +217,9 @@ impl Trial<'_> {
             })
     }
 
-    /// The step of one point that belongs to the step of poses and intrinsics, and by how much the model's cost falls.
+    /// Returns the step of one point and the predicted decrease.
+    ///
+    /// The step follows from that of poses and intrinsics.
     #[inline(always)]
     fn point_step(&self, piece: &Piece, point: usize) -> (DVec3, f64) {
         let mut terms = PointTerms::default();
@@ -234,7 +242,7 @@ impl Trial<'_> {
         (step, -change - terms.change(step))
     }
 
-    /// By how much the step moves an observation's residual in the linear model.
+    /// Returns the change of an observation's residual in the linear model.
     #[inline(always)]
     fn shift(&self, observed: &Observed<'_>, image: u32) -> DVec2 {
         let mut shift = DVec2::ZERO;

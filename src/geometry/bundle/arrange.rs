@@ -3,18 +3,20 @@ use super::problem::{Bundle, BundleOptions};
 use super::state::State;
 use crate::blocks::BLOCK;
 
-/// Observations after which a piece is full.
+/// Number of observations at which a piece is full.
 const PIECE: usize = 512;
 
-/// The observations of one point that take part.
+/// Observations of one point that are used.
 struct Track {
     point: u32,
     sightings: Vec<Sighting>,
 }
 
-/// Sorts a bundle into pieces and numbers its unknowns. Left out are observations that are not finite, name something
-/// that does not exist or are not seen at the start, and points seen from fewer than two images (unless points are
-/// fixed); what then has no observation stays as it is.
+/// Sorts a bundle into pieces and numbers its unknowns.
+///
+/// Observations are ignored if they are not finite, have invalid indices or are not visible at the
+/// start. Points seen from fewer than two images are ignored unless points are fixed. Anything left
+/// without observations keeps its value.
 pub(super) fn arrange(
     bundle: &Bundle,
     options: &BundleOptions,
@@ -87,7 +89,7 @@ fn tracks(bundle: &Bundle, options: &BundleOptions, state: &State) -> Vec<Track>
     order.chunk_by(same_point).filter(many).map(track).collect()
 }
 
-/// Gives a block to each pose and camera that moves and is observed.
+/// Assigns a block to each pose and camera that is free and observed.
 fn number(bundle: &Bundle, options: &BundleOptions, state: &State, tracks: &[Track]) -> Layout {
     let mut observed = vec![false; bundle.images.len()];
     for sighting in tracks.iter().flat_map(|track| &track.sightings) {

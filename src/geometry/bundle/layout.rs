@@ -4,65 +4,69 @@ use glam::{DVec2, DVec3};
 
 use crate::blocks::{BLOCK, Column};
 
-/// Which block of unknowns belongs to what.
+/// Assignment of blocks of unknowns to poses and cameras.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Layout {
-    /// The block of each image's pose; `None` where it stays.
+    /// Block of each image's pose; `None` if the pose is fixed.
     pub poses: Vec<Option<usize>>,
-    /// The blocks of each camera's refined intrinsics, behind those of the poses.
+    /// Blocks of each camera's refined intrinsics, after those of the poses.
     pub intrinsics: Vec<Range<usize>>,
-    /// Of each block: the lowest block it shares a point with.
+    /// Lowest block with which each block shares a point.
     pub first: Vec<usize>,
-    /// Whether only poses and intrinsics move.
+    /// Whether points are fixed, so that only poses and intrinsics move.
     pub fixed_points: bool,
 }
 
 impl Layout {
-    /// How many blocks there are.
+    /// Returns the number of blocks.
     pub fn len(&self) -> usize {
         self.first.len()
     }
 }
 
-/// One observation, sorted to its point.
+/// One observation, grouped by point.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sighting {
     pub image: u32,
     pub at_px: DVec2,
 }
 
-/// A few hundred points with all that see them: the unit of work for one thread.
+/// A few hundred points with all their observations: the unit of work of one thread.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Piece {
-    /// Which points of the bundle these are.
+    /// Indices of the points in the bundle.
     pub ids: Vec<u32>,
-    /// Where they are.
+    /// Positions of the points.
     pub points: Vec<DVec3>,
-    /// Where they would be after the step that is tried.
+    /// Positions of the points after the candidate step.
     pub tried: Vec<DVec3>,
     /// Observations of point `p` are `starts[p]..starts[p + 1]`, by the block of their image.
     pub starts: Vec<u32>,
     pub sightings: Vec<Sighting>,
     /// One group per observation.
     pub by_sighting: Groups,
-    /// One group per point: its poses in the order of its observations, then intrinsics; none when points are fixed.
+    /// One group per point: its poses in the order of its observations, then intrinsics.
+    ///
+    /// Empty if points are fixed.
     pub by_point: Groups,
 }
 
 impl Piece {
-    /// The observations of one point.
+    /// Returns the range of observations of one point.
     #[inline(always)]
     pub fn sightings_of(&self, point: usize) -> Range<usize> {
         self.starts[point] as usize..self.starts[point + 1] as usize
     }
 }
 
-/// Products to be added to the reduced matrix, as groups of entries: each entry belongs to one block of unknowns, and
-/// every two entries of a group meet in one block of the matrix. An observation is a group (its pose, its camera's
-/// intrinsics), and so is a point (all that see it).
+/// Products to be added to the reduced matrix, as groups of entries.
+///
+/// Each entry belongs to one block of unknowns, and every two entries of a group contribute to one
+/// block of the matrix. An observation is a group (its pose and its camera's intrinsics), and so is
+/// a point (all images that see it).
 #[derive(Debug, Clone, Default)]
 pub(super) struct Groups {
-    /// Entries of group `g` are `starts[g]..starts[g + 1]`, by rising block.
+    /// Entries of group `g` are `starts[g]..starts[g + 1]`, by ascending block.
     starts: Vec<u32>,
     /// Block of each entry.
     pub blocks: Vec<u32>,
@@ -71,17 +75,17 @@ pub(super) struct Groups {
     row_starts: Vec<u32>,
 }
 
-/// An entry and whom it meets.
+/// An entry and its partners.
 #[derive(Debug, Clone, Copy)]
 struct Entry {
     at: u32,
     group: u32,
-    /// The group's entries whose block is not above its own.
+    /// Entries of the group whose block is not above that of this entry.
     first: u32,
     end: u32,
 }
 
-/// The factors of [`Groups`]: each entry has `K` columns, each group `K` values on the right-hand side.
+/// Factors of [`Groups`]: `K` columns per entry, `K` right-hand side values per group.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Factors<const K: usize> {
     pub columns: Vec<[Column; K]>,
@@ -89,13 +93,13 @@ pub(super) struct Factors<const K: usize> {
 }
 
 impl<const K: usize> Factors<K> {
-    /// Makes room for the factors of `groups`; what was there before stays in part.
+    /// Resizes to the factors of `groups`; old values are partly kept.
     pub fn resize(&mut self, groups: &Groups) {
         self.columns.resize(groups.blocks.len(), [[0.0; BLOCK]; K]);
         self.values.resize(groups.len(), [0.0; K]);
     }
 
-    /// Makes all of a group zero.
+    /// Sets all factors of a group to zero.
     #[inline(always)]
     pub fn leave_out(&mut self, groups: &Groups, group: usize) {
         self.columns[groups.entries(group)].fill([[0.0; BLOCK]; K]);
@@ -104,7 +108,7 @@ impl<const K: usize> Factors<K> {
 }
 
 impl Groups {
-    /// Appends a group; `blocks` must rise.
+    /// Appends a group; `blocks` must be ascending.
     pub fn push(&mut self, blocks: impl IntoIterator<Item = usize>) {
         if self.starts.is_empty() {
             self.starts.push(0);
@@ -114,7 +118,7 @@ impl Groups {
         self.starts.push(self.blocks.len() as u32);
     }
 
-    /// Sorts what was pushed by block, of which there are `count`.
+    /// Sorts the entries by block; `count` is the number of blocks.
     pub fn finish(&mut self, count: usize) {
         let blocks = &self.blocks;
         for group in 0..self.len() {
@@ -138,18 +142,18 @@ impl Groups {
         self.row_starts = (0..=count).map(begin).collect();
     }
 
-    /// How many groups there are.
+    /// Returns the number of groups.
     pub fn len(&self) -> usize {
         self.starts.len().saturating_sub(1)
     }
 
-    /// The entries of a group.
+    /// Returns the range of entries of a group.
     #[inline(always)]
     pub fn entries(&self, group: usize) -> Range<usize> {
         self.starts[group] as usize..self.starts[group + 1] as usize
     }
 
-    /// Each entry of a block: the entry, its group, and its partners in that group (itself among them).
+    /// Returns each entry of a block: the entry, its group, and its partners (including itself).
     #[inline(always)]
     pub fn of_block(
         &self,

@@ -4,36 +4,39 @@ use super::problem::Refine;
 use crate::blocks::BLOCK;
 use crate::{Camera, Distortion};
 
-/// Room for one camera's intrinsics (a common focal factor, the principal point, at most eight coefficients): two
-/// blocks of unknowns.
+/// Maximum number of one camera's intrinsics: two blocks of unknowns.
+///
+/// They are a common focal factor, the principal point, and at most eight coefficients.
 pub(super) const INTRINSICS: usize = 2 * BLOCK;
-/// Slots of all models' coefficients in one list: above the fraction line 0–3, below it 4–6, tangential 7–8, prism 9–10.
+/// Number of slots for the coefficients of all models.
+///
+/// Numerator 0–3, denominator 4–6, tangential 7–8, prism 9–10.
 const SLOTS: usize = 11;
-/// Angles from the axis at which a lens is asked whether it folds back.
+/// Number of angles from the axis at which a lens is checked for folding back.
 const FOLD_STEPS: u32 = 180;
 
-/// A camera made ready for many projections with derivatives; the formulas are those of [`Camera::project`].
+/// A camera prepared for many projections with derivatives; formulas as in [`Camera::project`].
 #[derive(Debug, Clone)]
 pub(super) struct Lens {
     focal: DVec2,
     principal: DVec2,
     fisheye: bool,
     slots: [f64; SLOTS],
-    /// Which slots the camera's model has, in the order of its coefficients.
+    /// Slots that the camera's model has, in the order of its coefficients.
     used: &'static [usize],
     /// Squared radius at which the lens folds back.
     fold: f64,
     refine: Refine,
 }
 
-/// Where a point is seen, and the derivatives of that by the point in camera space.
+/// Projection of a point, with derivatives by the point in camera space.
 pub(super) struct Seen {
     pub at_px: DVec2,
-    /// Derivative of the pixel's x and y.
+    /// Derivatives of the pixel's x and y.
     pub by_point: [DVec3; 2],
-    /// On the plane z = 1, drawn in for a fisheye lens.
+    /// Position on the plane z = 1, contracted for a fisheye lens.
     q: DVec2,
-    /// After distortion, before the focal length.
+    /// Position after distortion, before the focal length.
     distorted: DVec2,
 }
 
@@ -57,12 +60,12 @@ impl Lens {
         lens
     }
 
-    /// Another camera with the same intrinsics refined.
+    /// Returns another camera with the same intrinsics refined.
     pub fn of(&self, camera: &Camera) -> Self {
         Self::new(camera, self.refine)
     }
 
-    /// How many intrinsics are refined, fewer than [`INTRINSICS`].
+    /// Returns the number of refined intrinsics, fewer than [`INTRINSICS`].
     pub fn intrinsics(&self) -> usize {
         let Refine {
             focal,
@@ -74,7 +77,7 @@ impl Lens {
             + if distortion { self.used.len() } else { 0 }
     }
 
-    /// Pixel position of a point in camera space; `None` where [`Camera::project`] has none.
+    /// Projects a point in camera space to pixels; `None` if [`Camera::project`] returns `None`.
     #[inline(always)]
     pub fn project(&self, x: DVec3) -> Option<DVec2> {
         let q = self.at_plane(x)?;
@@ -87,7 +90,7 @@ impl Lens {
         at_px.is_finite().then_some(at_px)
     }
 
-    /// [`Self::project`] with derivatives.
+    /// Same as [`Self::project`], with derivatives.
     #[inline(always)]
     pub fn see(&self, x: DVec3) -> Option<Seen> {
         let plane = self.at_plane(x)?;
@@ -113,7 +116,9 @@ impl Lens {
         })
     }
 
-    /// Derivatives of the pixel's x and y by each refined intrinsic: focal factor, principal point, coefficients.
+    /// Returns the derivatives of the pixel's x and y by each refined intrinsic.
+    ///
+    /// The order is focal factor, principal point, coefficients.
     #[inline(always)]
     pub fn by_intrinsics(&self, seen: &Seen, out: &mut [DVec2; INTRINSICS]) {
         let mut next = 0;
@@ -135,7 +140,9 @@ impl Lens {
         }
     }
 
-    /// The camera after a step of the refined intrinsics, in the order of [`Self::by_intrinsics`].
+    /// Returns the camera after a step of the refined intrinsics.
+    ///
+    /// They are in the order of [`Self::by_intrinsics`].
     pub fn moved(&self, camera: &Camera, step: &[f64]) -> Camera {
         let mut moved = *camera;
         let mut step = step.iter().copied();
@@ -161,7 +168,7 @@ impl Lens {
         (x.z > 0.0).then(|| x.truncate() / x.z)
     }
 
-    /// Distorted position and its derivative; `None` where the lens folds back.
+    /// Returns the distorted position and its derivative; `None` if the lens folds back there.
     #[inline(always)]
     fn distort(&self, q: DVec2) -> Option<(DVec2, DMat2)> {
         let s = q.length_squared();
@@ -185,7 +192,7 @@ impl Lens {
         Some((q * along + s * (t + prism), jacobian))
     }
 
-    /// The radial factor at squared radius `s` and its derivative by `s`.
+    /// Returns the radial factor at squared radius `s` and its derivative by `s`.
     #[inline(always)]
     fn radial(&self, s: f64) -> (f64, f64) {
         let [a1, a2, a3, a4, b1, b2, b3, ..] = self.slots;
@@ -197,7 +204,7 @@ impl Lens {
         (factor, (above_slope - factor * below_slope) * below)
     }
 
-    /// Derivative of the distorted position by one coefficient.
+    /// Returns the derivative of the distorted position by one coefficient.
     #[inline(always)]
     fn by_slot(&self, slot: usize, q: DVec2) -> DVec2 {
         let s = q.length_squared();
@@ -213,7 +220,7 @@ impl Lens {
         }
     }
 
-    /// The squared radius up to which the distorted radius grows.
+    /// Returns the squared radius up to which the distorted radius grows.
     fn find_fold(&self) -> f64 {
         let squared = |angle: f64| {
             if self.fisheye {
@@ -247,8 +254,9 @@ impl Lens {
     }
 }
 
-/// From the squared radius on the plane z = 1: the factor that draws a point in to its angle from the axis, and the
-/// derivative of that factor by half the squared radius.
+/// Returns the factor that contracts a point on the plane z = 1 to its angle from the axis.
+///
+/// Takes the squared radius. Also returns the factor's derivative by half the squared radius.
 #[inline(always)]
 fn draw_in(s: f64) -> (f64, f64) {
     if s < 1e-6 {
@@ -270,7 +278,7 @@ fn draw_in_jacobian(plane: DVec2) -> (DVec2, DMat2) {
     (plane * factor, jacobian)
 }
 
-/// All coefficients by slot, and which slots the model has.
+/// Returns all coefficients by slot, and which slots the model has.
 fn slots(distortion: &Distortion) -> ([f64; SLOTS], &'static [usize]) {
     let mut slots = [0.0; SLOTS];
     let mut fill = |values: &[f64], used: &'static [usize]| {
@@ -296,7 +304,7 @@ fn slots(distortion: &Distortion) -> ([f64; SLOTS], &'static [usize]) {
     (slots, used)
 }
 
-/// The model of `like` with other coefficients.
+/// Returns the model of `like` with other coefficients.
 fn from_slots(like: &Distortion, slots: &[f64; SLOTS]) -> Distortion {
     let [a1, a2, a3, a4, b1, b2, b3, p1, p2, sx, sy] = *slots;
     match like {

@@ -5,18 +5,20 @@ use super::layout::{Factors, Layout, Piece};
 use super::state::State;
 use crate::blocks::Column;
 
-/// The derivatives of one piece's observations, ready to be added to the reduced matrix; kept to be filled again.
+/// Derivatives of one piece's observations, ready to be added to the reduced matrix.
+///
+/// The buffers are reused.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Derivatives {
-    /// By poses and intrinsics; residuals on the right.
+    /// Derivatives by poses and intrinsics; residuals on the right-hand side.
     pub by_sighting: Factors<2>,
-    /// `W L⁻ᵀ` with `L Lᵀ` the points' own block: what eliminating the points takes away.
+    /// `W L⁻ᵀ` with `L Lᵀ` the points' own block: subtracted when the points are eliminated.
     pub by_point: Factors<3>,
-    /// Of the observations of one point.
+    /// Derivatives of the observations of one point.
     rows: Vec<[DVec3; 2]>,
 }
 
-/// Takes the derivatives of all observations of a piece.
+/// Computes the derivatives of all observations of a piece.
 pub(super) struct Linearise<'a> {
     pub piece: &'a Piece,
     pub layout: &'a Layout,
@@ -48,7 +50,7 @@ impl WithSimd for Linearise<'_> {
     }
 }
 
-/// The derivatives of a point's observations.
+/// Computes the derivatives of a point's observations.
 #[inline(always)]
 fn observations(
     piece: &Piece,
@@ -82,7 +84,9 @@ fn observations(
     terms
 }
 
-/// What eliminating a point takes away; where its observations do not hold it, they are left out.
+/// Computes the terms that eliminating a point subtracts.
+///
+/// If its observations do not determine the point, they are ignored.
 #[inline(always)]
 fn eliminate(
     piece: &Piece,
@@ -133,7 +137,7 @@ fn eliminate(
     by_point.values[point] = value.to_array();
 }
 
-/// `J_cᵀ (J_p L⁻ᵀ)`.
+/// Returns `J_cᵀ (J_p L⁻ᵀ)`.
 #[inline(always)]
 fn through(columns: &[Column; 2], rows: &[DVec3; 2]) -> [Column; 3] {
     std::array::from_fn(|k| {
@@ -141,14 +145,14 @@ fn through(columns: &[Column; 2], rows: &[DVec3; 2]) -> [Column; 3] {
     })
 }
 
-/// What a point's observations say about it: `V` (upper triangle: xx xy xz yy yz zz) and the gradient.
+/// Normal equations of one point: `V` (upper triangle: xx xy xz yy yz zz) and the gradient.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct PointTerms {
     v: [f64; 6],
     gradient: DVec3,
 }
 
-/// The lower triangle `L` of a damped `V = L Lᵀ`, its diagonal inverted.
+/// Lower triangle `L` of a damped `V = L Lᵀ`, with its diagonal inverted.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PointFactor {
     inverse_diagonal: [f64; 3],
@@ -156,7 +160,9 @@ pub(super) struct PointFactor {
 }
 
 impl PointTerms {
-    /// Adds one observation's derivatives and (the other unknowns moved first, where they are) its residual.
+    /// Adds one observation's derivatives and residual.
+    ///
+    /// If other unknowns have moved, the residual includes their change.
     #[inline(always)]
     pub fn add(&mut self, by_point: &[DVec3; 2], residual: DVec2) {
         for (d, r) in by_point.iter().zip(residual.to_array()) {
@@ -175,7 +181,7 @@ impl PointTerms {
         }
     }
 
-    /// `None` where the observations do not hold the point.
+    /// Returns the factor; `None` if the observations do not determine the point.
     #[inline(always)]
     pub fn factor(&self, damping: f64) -> Option<PointFactor> {
         let [xx, xy, xz, yy, yz, zz] = self.v;
@@ -195,13 +201,13 @@ impl PointTerms {
             })
     }
 
-    /// The point's step.
+    /// Returns the point's step.
     #[inline(always)]
     pub fn step(&self, factor: &PointFactor) -> DVec3 {
         -factor.backward(factor.forward(self.gradient))
     }
 
-    /// By how much the quadratic model of the cost changes with the point's step.
+    /// Returns the change of the quadratic model of the cost by the point's step.
     #[inline(always)]
     pub fn change(&self, step: DVec3) -> f64 {
         let [xx, xy, xz, yy, yz, zz] = self.v;
@@ -215,7 +221,7 @@ impl PointTerms {
 }
 
 impl PointFactor {
-    /// `L⁻¹ v`.
+    /// Returns `L⁻¹ v`.
     #[inline(always)]
     pub fn forward(&self, v: DVec3) -> DVec3 {
         let ([a, d, f], [b, c, e]) = (self.inverse_diagonal, self.below);
@@ -224,7 +230,7 @@ impl PointFactor {
         DVec3::new(x, y, (v.z - c * x - e * y) * f)
     }
 
-    /// `L⁻ᵀ v`.
+    /// Returns `L⁻ᵀ v`.
     #[inline(always)]
     fn backward(&self, v: DVec3) -> DVec3 {
         let ([a, d, f], [b, c, e]) = (self.inverse_diagonal, self.below);

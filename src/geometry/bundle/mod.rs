@@ -1,9 +1,11 @@
-//! Bundle adjustment: cameras, poses and points moved together until their reprojection errors are least.
+//! Bundle adjustment: minimises reprojection errors over cameras, poses and points.
 //!
-//! After B. Triggs, P. McLauchlan, R. Hartley, A. Fitzgibbon, *Bundle Adjustment — A Modern Synthesis*, Vision
-//! Algorithms 1999: Levenberg–Marquardt, the points eliminated first (Schur complement), the rest factored in blocks.
+//! After B. Triggs, P. McLauchlan, R. Hartley, A. Fitzgibbon, *Bundle Adjustment — A Modern
+//! Synthesis*, Vision Algorithms 1999: Levenberg–Marquardt with the points eliminated first (Schur
+//! complement) and the rest factored in blocks.
 //!
-//! The only part of this crate that uses rayon. Sums keep a fixed order, so that the result is the same for any number of threads.
+//! This is the only part of the crate that uses rayon. Sums are in a fixed order, so that the
+//! result is the same for any number of threads.
 
 mod adjust;
 mod arrange;

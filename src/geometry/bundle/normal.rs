@@ -6,17 +6,17 @@ use super::linearise::{Derivatives, Linearise};
 use super::state::State;
 use crate::blocks::{BLOCK, Column, Row, Skyline, solve, subtract_products};
 
-/// Pieces whose derivatives are held at once.
+/// Number of pieces whose derivatives are held at once.
 const WAVE: usize = 8;
-/// An unknown whose own curvature is below this share of its block's largest is damped as if it had this share.
+/// Minimum curvature for damping, relative to the largest one in the same block.
 const LEAST_CURVATURE: f64 = 1e-12;
 
-/// The damped normal equations of poses and intrinsics, the points eliminated.
+/// Damped normal equations of poses and intrinsics, with the points eliminated.
 #[derive(Debug, Clone)]
 pub(super) struct Normal {
     pub matrix: Skyline,
     pub right: Vec<Column>,
-    /// The curvature of each unknown before the points are eliminated.
+    /// Curvature of each unknown before the points are eliminated.
     curvature: Vec<Column>,
     wave: Vec<Derivatives>,
 }
@@ -33,8 +33,10 @@ impl Normal {
         }
     }
 
-    /// Builds the equations at `state`. Each row of blocks is summed by one thread in the order of the pieces, so that
-    /// the number of threads does not matter.
+    /// Builds the equations at `state`.
+    ///
+    /// Each row of blocks is summed by one thread in the order of the pieces, so that the result
+    /// does not depend on the number of threads.
     pub fn build(&mut self, pieces: &[Piece], layout: &Layout, state: &State, damping: f64) {
         for row in &mut self.matrix.rows {
             row.blocks.fill([[0.0; BLOCK]; BLOCK]);
@@ -88,12 +90,14 @@ impl Normal {
         self.damp(damping);
     }
 
-    /// The step of all poses and intrinsics; `None` where the equations cannot be solved. The matrix is lost.
+    /// Returns the step of all poses and intrinsics; `None` if the equations cannot be solved.
+    ///
+    /// Overwrites the matrix.
     pub fn solve(&mut self) -> Option<Vec<Column>> {
         solve(&mut self.matrix, &self.right)
     }
 
-    /// Adds to the diagonal; an unknown that nothing depends on is made to stay.
+    /// Adds the damping to the diagonal; unknowns without any influence are fixed.
     fn damp(&mut self, damping: f64) {
         for ((row, right), curvature) in self
             .matrix
@@ -117,8 +121,9 @@ impl Normal {
     }
 }
 
-/// Adds the products of one block row's entries with their partners, and their right-hand sides; takes them away where
-/// no curvature is to be summed.
+/// Adds the products of one block row's entries with their partners and right-hand sides.
+///
+/// Subtracts them instead if no curvature is summed.
 struct Add<'a, const K: usize> {
     block: usize,
     curvature: Option<&'a mut Column>,

@@ -2,16 +2,16 @@ use glam::{DVec2, DVec3};
 
 use crate::{Camera, Pose};
 
-/// What is adjusted: cameras, where each image was taken, points, and where the points were seen.
+/// A bundle adjustment problem: cameras, image poses, points and observations.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Bundle {
-    /// Intrinsics; several images may share one.
+    /// Intrinsics; several images may share one camera.
     pub cameras: Vec<Camera>,
-    /// The images' poses.
+    /// Images with their poses.
     pub images: Vec<BundleImage>,
-    /// In world space.
+    /// Points in world space.
     pub points: Vec<DVec3>,
-    /// In any order.
+    /// Observations, in any order.
     pub observations: Vec<BundleObservation>,
 }
 
@@ -20,7 +20,7 @@ pub struct Bundle {
 pub struct BundleImage {
     /// Index of its camera.
     pub camera: u32,
-    /// World space to camera space.
+    /// Pose of the image: world space to camera space.
     pub camera_from_world: Pose,
 }
 
@@ -31,29 +31,29 @@ pub struct BundleObservation {
     pub image: u32,
     /// Index of the point.
     pub point: u32,
-    /// Where it was seen, in pixels.
+    /// Observed position, pixels.
     pub at_px: DVec2,
 }
 
-/// How much a reprojection error of `r` px costs: `ρ(r²) / 2`.
+/// Loss of a reprojection error of `r` px: the cost is `ρ(r²) / 2`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Loss {
     /// `r²`: best without outliers.
     Squared,
     /// `2 px² (√(1 + r²/px²) − 1)`: grows linearly beyond `px`.
     SoftL1 {
-        /// Where the loss turns from squared to linear, in pixels; above 0.
+        /// Error at which the loss turns from squared to linear, pixels; above 0.
         px: f64,
     },
-    /// `px² ln(1 + r²/px²)`: outliers hardly count.
+    /// `px² ln(1 + r²/px²)`: outliers have little influence.
     Cauchy {
-        /// Where the loss begins to flatten, in pixels; above 0.
+        /// Error at which the loss begins to flatten, pixels; above 0.
         px: f64,
     },
 }
 
 impl Loss {
-    /// `ρ` of a squared error.
+    /// Returns `ρ` of a squared error.
     pub(super) fn cost(self, squared: f64) -> f64 {
         match self {
             Self::Squared => squared,
@@ -62,7 +62,9 @@ impl Loss {
         }
     }
 
-    /// `ρ'` of a squared error: the weight of an observation in iteratively reweighted least squares, in (0, 1].
+    /// Returns `ρ'` of a squared error, in (0, 1].
+    ///
+    /// This is the weight of an observation in iteratively reweighted least squares.
     pub(super) fn weight(self, squared: f64) -> f64 {
         match self {
             Self::Squared => 1.0,
@@ -72,19 +74,19 @@ impl Loss {
     }
 }
 
-/// Which intrinsics of a camera may change.
+/// Intrinsics of a camera that are refined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Refine {
-    /// The focal lengths, by one common factor: their ratio stays.
+    /// Focal lengths, by one common factor: their ratio is kept.
     pub focal: bool,
-    /// The principal point.
+    /// Principal point.
     pub principal: bool,
-    /// The coefficients of the camera's own lens model.
+    /// Coefficients of the camera's lens model.
     pub distortion: bool,
 }
 
 impl Refine {
-    /// The intrinsics are known and stay as they are.
+    /// No intrinsics are refined.
     pub const NOTHING: Self = Self {
         focal: false,
         principal: false,
@@ -92,21 +94,23 @@ impl Refine {
     };
 }
 
-/// What [`super::adjust`] may change, and when it ends.
+/// Options of [`super::adjust`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct BundleOptions {
-    /// The cost of an error.
+    /// Loss of a reprojection error.
     pub loss: Loss,
-    /// Steps tried at most.
+    /// Maximum number of steps.
     pub max_iterations: usize,
-    /// It ends when a step lowers the cost by less than this share, e.g. 1e-6.
+    /// Relative decrease of the cost below which the adjustment has converged, e.g. 1e-6.
     pub function_tolerance: f64,
-    /// One per camera; [`Refine::NOTHING`] where the list is shorter.
+    /// Refined intrinsics per camera; [`Refine::NOTHING`] beyond the end of the list.
     pub refine: Vec<Refine>,
-    /// One per image, `true` where its pose stays; free where the list is shorter. Without fixed images the whole may
-    /// drift by a similarity, about as far as the noise moves it.
+    /// Whether each image's pose is fixed; free beyond the end of the list.
+    ///
+    /// Without fixed images the whole may drift by a similarity, about as far as the noise moves
+    /// it.
     pub fixed_images: Vec<bool>,
-    /// Whether only cameras and poses move.
+    /// Whether points are fixed, so that only cameras and poses are refined.
     pub fixed_points: bool,
 }
 
@@ -123,17 +127,19 @@ impl Default for BundleOptions {
     }
 }
 
-/// How an adjustment went. A cost is half the sum of the loss in px² over all observations that take part.
+/// Result of an adjustment.
+///
+/// Costs are half the sum of the loss in px² over all observations that are used.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BundleSummary {
-    /// Steps tried.
+    /// Number of steps tried.
     pub iterations: usize,
-    /// Before the first step.
+    /// Cost before the first step.
     pub initial_cost: f64,
-    /// After the best step.
+    /// Cost after the best step.
     pub final_cost: f64,
-    /// Whether the last step changed next to nothing.
+    /// Whether the adjustment converged.
     pub converged: bool,
-    /// Whether the caller broke off.
+    /// Whether the caller stopped it.
     pub stopped: bool,
 }

@@ -6,7 +6,7 @@ use super::problem::{Bundle, BundleOptions, Loss, Refine};
 use crate::blocks::{BLOCK, Column};
 use crate::{Camera, Pose};
 
-/// Cameras and poses as they are at one moment of the adjustment; the points live in the pieces.
+/// Cameras and poses during the adjustment; the points are stored in the pieces.
 #[derive(Debug, Clone)]
 pub(super) struct State {
     pub cameras: Vec<Camera>,
@@ -16,7 +16,7 @@ pub(super) struct State {
     loss: Loss,
 }
 
-/// One image's pose, ready for many points.
+/// One image's pose, prepared for many points.
 #[derive(Debug, Clone, Copy)]
 struct View {
     rotation: DMat3,
@@ -24,15 +24,15 @@ struct View {
     camera: usize,
 }
 
-/// An observation at a state: what is needed of its derivatives.
+/// An observation at a state, with the inputs of its derivatives.
 pub(super) struct Observed<'a> {
-    /// `predicted − seen` in pixels, weighted.
+    /// `predicted − observed` in pixels, weighted.
     pub residual: DVec2,
-    /// The point in camera space.
+    /// Point in camera space.
     pub x: DVec3,
     /// Derivatives of the weighted residual's x and y by the point in camera space.
     pub by_x: [DVec3; 2],
-    /// The same by the point in world space.
+    /// Derivatives of the weighted residual's x and y by the point in world space.
     pub by_point: [DVec3; 2],
     /// Square root of the weight.
     weight: f64,
@@ -41,8 +41,10 @@ pub(super) struct Observed<'a> {
 }
 
 impl Observed<'_> {
-    /// Derivatives of the weighted residual's x and y by the image's pose: a turn about the camera centre, a shift in
-    /// camera space.
+    /// Derivatives of the weighted residual's x and y by the image's pose.
+    ///
+    /// The pose is parametrised as a rotation about the camera centre and a translation in camera
+    /// space.
     #[inline(always)]
     pub fn by_pose(&self) -> [Column; 2] {
         self.by_x.map(|d| {
@@ -51,7 +53,9 @@ impl Observed<'_> {
         })
     }
 
-    /// Derivatives of the weighted residual's x and y by the refined intrinsics, as blocks padded with zeros.
+    /// Derivatives of the weighted residual's x and y by the refined intrinsics.
+    ///
+    /// They are blocks padded with zeros.
     #[inline(always)]
     pub fn by_intrinsics(&self) -> [[Column; 2]; INTRINSICS / BLOCK] {
         let mut by = [DVec2::ZERO; INTRINSICS];
@@ -101,17 +105,17 @@ impl State {
         }
     }
 
-    /// How many intrinsics of a camera are refined.
+    /// Returns the number of refined intrinsics of a camera.
     pub fn intrinsics(&self, camera: usize) -> usize {
         self.lenses[camera].intrinsics()
     }
 
-    /// The camera of an image.
+    /// Returns the camera of an image.
     pub fn camera_of(&self, image: u32) -> usize {
         self.views[image as usize].camera
     }
 
-    /// The state after a step of all blocks.
+    /// Returns the state after a step of all blocks.
     pub fn moved(&self, layout: &Layout, step: &[Column]) -> Self {
         let mut moved = self.clone();
         for (image, block) in layout.poses.iter().enumerate() {
@@ -130,7 +134,7 @@ impl State {
         moved
     }
 
-    /// Whether a point is seen by the image at all.
+    /// Returns whether a point is visible in the image at all.
     pub fn sees(&self, point: DVec3, image: u32) -> bool {
         let view = &self.views[image as usize];
         self.lenses[view.camera]
@@ -138,8 +142,10 @@ impl State {
             .is_some()
     }
 
-    /// The loss of one observation in px². One that has gone behind its camera costs as much as an error of the
-    /// image's diagonal, so that no step gains by sending it there.
+    /// Returns the loss of one observation in px².
+    ///
+    /// An observation behind its camera costs as much as an error of the image's diagonal, so that
+    /// no step gains by moving it there.
     #[inline(always)]
     pub fn cost(&self, point: DVec3, sighting: &Sighting) -> f64 {
         let view = &self.views[sighting.image as usize];
@@ -154,7 +160,7 @@ impl State {
         self.loss.cost(squared)
     }
 
-    /// One observation with its derivatives; `None` where the point is not seen.
+    /// Returns one observation with its derivatives; `None` if the point is not visible.
     #[inline(always)]
     pub fn observe(&self, point: DVec3, sighting: &Sighting) -> Option<Observed<'_>> {
         let view = &self.views[sighting.image as usize];

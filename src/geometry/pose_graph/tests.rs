@@ -3,8 +3,9 @@ use rand_pcg::Pcg64Mcg;
 
 use super::*;
 
-/// Nodes on a circle that look inwards, twice around, with edges from each to the next and from each to the one a
-/// round later.
+/// Returns nodes on a circle, two rounds, that look inwards.
+///
+/// Edges connect each node with the next one and with the one a round later.
 struct Ring {
     truth: Vec<Pose>,
     edges: Vec<PoseEdge>,
@@ -14,7 +15,7 @@ fn random(rng: &mut Pcg64Mcg, size: f64) -> Pose {
     exp(&std::array::from_fn(|_| rng.random_range(-size..size)))
 }
 
-/// That of points spread about 1 around a place 2 in front.
+/// Returns the information of points spread by about 1 around a position 2 in front of the camera.
 fn information() -> [[f64; 6]; 6] {
     let mut sum = [[0.0; 6]; 6];
     for x in [
@@ -60,7 +61,7 @@ fn ring(rng: &mut Pcg64Mcg, noise: f64) -> Ring {
     Ring { truth, edges }
 }
 
-/// Poses by chaining the edges between neighbours.
+/// Returns the poses from chaining the edges between neighbours.
 fn chained(ring: &Ring) -> Vec<Pose> {
     let mut poses = vec![ring.truth[0]];
     for edge in &ring.edges[..ring.truth.len() - 1] {
@@ -82,7 +83,7 @@ fn largest_error(poses: &[Pose], truth: &[Pose]) -> f64 {
 }
 
 #[test]
-fn exact_measurements_give_the_truth_back() {
+fn exact_measurements_recover_the_ground_truth() {
     let rng = &mut Pcg64Mcg::seed_from_u64(1);
     let ring = ring(rng, 1e-12);
     let start: Vec<Pose> = ring
@@ -105,7 +106,7 @@ fn exact_measurements_give_the_truth_back() {
 }
 
 #[test]
-fn loops_take_the_drift_out() {
+fn loop_closures_remove_the_drift() {
     for seed in 0..20 {
         let ring = ring(&mut Pcg64Mcg::seed_from_u64(seed), 0.01);
         let start = chained(&ring);
@@ -124,7 +125,7 @@ fn loops_take_the_drift_out() {
 }
 
 #[test]
-fn a_wrong_loop_is_switched_off() {
+fn wrong_loop_closure_is_switched_off() {
     let rng = &mut Pcg64Mcg::seed_from_u64(7);
     let mut ring = ring(rng, 0.002);
     let wrong = ring.edges.len() - 3;
@@ -150,7 +151,7 @@ fn a_wrong_loop_is_switched_off() {
 }
 
 #[test]
-fn what_nothing_ties_keeps_its_place_and_bad_edges_are_left_out() {
+fn unconnected_nodes_keep_their_poses_and_invalid_edges_are_ignored() {
     let ring = ring(&mut Pcg64Mcg::seed_from_u64(3), 1e-9);
     let mut poses = ring.truth[..4].to_vec();
     poses[2].translation += DVec3::new(0.1, 0.0, 0.0);

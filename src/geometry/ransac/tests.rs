@@ -3,7 +3,7 @@ use rand_pcg::Pcg64Mcg;
 
 use super::*;
 
-/// `y = slope · x + offset` through points.
+/// A line `y = slope · x + offset` through points.
 struct Line {
     points: Vec<[f64; 2]>,
     limit: f64,
@@ -66,7 +66,7 @@ fn points(good: usize, bad: usize) -> Line {
     for i in 0..good + bad {
         let x: f64 = random.random_range(-10.0..10.0);
         let noise = random.random_range(-0.05..0.05);
-        // Good ones last: the order must not decide.
+        // Inliers last: the order must not matter.
         points.push([
             x,
             if i < bad {
@@ -88,7 +88,7 @@ const OPTIONS: RansacOptions = RansacOptions {
 };
 
 #[test]
-fn finds_the_line_among_outliers_and_the_same_again() {
+fn line_is_found_among_outliers_and_reproduced() {
     let lines = points(60, 140);
     let found = consensus(&lines, &OPTIONS).unwrap();
     assert!(
@@ -101,7 +101,7 @@ fn finds_the_line_among_outliers_and_the_same_again() {
 }
 
 #[test]
-fn too_few_that_agree_are_none() {
+fn too_few_inliers_give_none() {
     assert_eq!(consensus(&points(5, 60), &OPTIONS), None);
     assert_eq!(consensus(&points(9, 0), &OPTIONS), None);
     assert_eq!(

@@ -3,9 +3,12 @@ use nalgebra::{Matrix3, SMatrix};
 
 use super::null_space::{epipolar_equation, from_rows};
 
-/// The fundamental matrix `F` with the least `Σ weight (x2ᵀ F x1)²` over eight or more pairs `[x1, x2]`, each image's
-/// points moved to their centroid and scaled first, made singular (R. Hartley, *In Defense of the Eight-Point
-/// Algorithm*, PAMI 1997). Frobenius norm 1; `None` for fewer pairs with a weight above 0, and for points in one place.
+/// Returns the fundamental matrix `F` with the least `Σ weight (x2ᵀ F x1)²` over pairs `[x1, x2]`.
+///
+/// Needs eight or more pairs. Each image's points are centred and scaled first, and the result is
+/// made singular (R. Hartley, *In Defense of the Eight-Point Algorithm*, PAMI 1997). It has
+/// Frobenius norm 1. Returns `None` for fewer than eight pairs with a weight above 0, and for
+/// points in one place.
 #[must_use]
 pub fn eight_point(pairs: &[[DVec2; 2]], weights: &[f64]) -> Option<DMat3> {
     if weights.iter().filter(|&&w| w > 0.0).count() < 8 {
@@ -27,14 +30,14 @@ pub fn eight_point(pairs: &[[DVec2; 2]], weights: &[f64]) -> Option<DMat3> {
     (norm.is_finite() && norm > 0.0).then(|| f * (1.0 / norm))
 }
 
-/// `scale · (x − centre)`.
+/// The normalisation `scale · (x − centre)`.
 pub(super) struct Centring {
     centre: DVec2,
     scale: f64,
 }
 
 impl Centring {
-    /// Weighted centroid to the origin, root mean square distance to √2.
+    /// Moves the weighted centroid to the origin and scales the root mean square distance to √2.
     pub fn of(pairs: &[[DVec2; 2]], weights: &[f64], side: usize) -> Option<Self> {
         let total: f64 = weights.iter().sum();
         let weighted = || pairs.iter().zip(weights).map(|(pair, &w)| (pair[side], w));
@@ -62,7 +65,7 @@ impl Centring {
     }
 }
 
-/// Eigenvector of the smallest eigenvalue.
+/// Returns the eigenvector of the smallest eigenvalue.
 pub(super) fn least_eigenvector(normal: SMatrix<f64, 9, 9>) -> Option<[f64; 9]> {
     if !normal.iter().all(|v| v.is_finite()) {
         return None;
@@ -74,7 +77,7 @@ pub(super) fn least_eigenvector(normal: SMatrix<f64, 9, 9>) -> Option<[f64; 9]> 
     Some(entries)
 }
 
-/// The nearest matrix of rank two.
+/// Returns the nearest matrix of rank two.
 fn singular(m: DMat3) -> Option<DMat3> {
     let mut svd = Matrix3::from_column_slice(&m.to_cols_array()).svd(true, true);
     let least = svd.singular_values.imin();

@@ -1,4 +1,7 @@
-//! The ten cubic equations of an essential matrix in the three unknowns of a four-dimensional null space.
+//! Five-point solver for essential matrices.
+//!
+//! The unknowns are the three coordinates in a four-dimensional null space, subject to ten cubic
+//! equations.
 
 use glam::{DMat3, DVec2, DVec3};
 use nalgebra::{Matrix3, Vector3};
@@ -7,9 +10,11 @@ use wide::f64x4;
 use super::null_space::{epipolar_equation, from_rows, null_space};
 use super::real_roots::real_roots;
 
-/// The up to ten essential matrices `E` with `x2ᵀ E x1 = 0` for five pairs of rays `[x1, x2]` (D. Nistér, *An Efficient
-/// Solution to the Five-Point Relative Pose Problem*, PAMI 2004). Frobenius norm 1; none where the five pairs do not fix
-/// it, as for rays given twice.
+/// Returns up to ten essential matrices `E` with `x2ᵀ E x1 = 0` for five pairs of rays.
+///
+/// Pairs are `[x1, x2]` (D. Nistér, *An Efficient Solution to the Five-Point Relative Pose
+/// Problem*, PAMI 2004). The matrices have Frobenius norm 1. Returns none if the five pairs do not
+/// determine them, as for duplicate rays.
 #[must_use]
 pub fn five_point(pairs: &[[DVec2; 2]; 5]) -> Vec<DMat3> {
     let Some(basis) = null_space::<5, 4>(pairs.map(epipolar_equation)) else {
@@ -26,8 +31,9 @@ pub fn five_point(pairs: &[[DVec2; 2]; 5]) -> Vec<DMat3> {
         .collect()
 }
 
-/// Gauss–Jordan elimination with pivots by rows of the first ten monomials; the rows that then begin with x²z, x²,
-/// y²z, y², xyz, xy, from the eleventh monomial on.
+/// Eliminates the first ten monomials by Gauss–Jordan with row pivots.
+///
+/// Returns the rows that then begin with x²z, x², y²z, y², xyz, xy, from the eleventh monomial on.
 fn eliminate(mut equations: [[f64; 20]; 10]) -> Option<[[f64; 10]; 6]> {
     for column in 0..10 {
         let pivot = (column..10).max_by(|&a, &b| {
@@ -43,7 +49,7 @@ fn eliminate(mut equations: [[f64; 20]; 10]) -> Option<[[f64; 10]; 6]> {
         let mut row = equations[column];
         row.iter_mut().for_each(|v| *v /= lead);
         equations[column] = row;
-        // The first four rows are not needed further on.
+        // The first four rows are not needed afterwards.
         for other in (4..10)
             .chain(column + 1..4)
             .filter(|&other| other != column)
@@ -60,7 +66,7 @@ fn eliminate(mut equations: [[f64; 20]; 10]) -> Option<[[f64; 10]; 6]> {
     }))
 }
 
-/// `x(z) · x + y(z) · y + one(z) = 0`, coefficients from the lowest power.
+/// The equation `x(z) · x + y(z) · y + one(z) = 0`; coefficients start with the lowest power.
 struct InZ {
     x: [f64; 4],
     y: [f64; 4],
@@ -68,7 +74,7 @@ struct InZ {
 }
 
 impl InZ {
-    /// The first row less z times the second: the leading monomials cancel.
+    /// Returns the first row minus z times the second: the leading monomials cancel.
     fn from_pair(a: &[f64; 10], b: &[f64; 10]) -> Self {
         let cubic = |first: usize| {
             [
@@ -93,7 +99,7 @@ impl InZ {
     }
 }
 
-/// The determinant of the three equations, of degree 10 in z.
+/// Returns the determinant of the three equations, of degree 10 in z.
 fn determinant(rows: &[InZ; 3]) -> [f64; 11] {
     let mut sum = [0.0; 11];
     for [i, j, k] in [[0, 1, 2], [1, 2, 0], [2, 0, 1]] {
@@ -114,7 +120,9 @@ fn determinant(rows: &[InZ; 3]) -> [f64; 11] {
     sum
 }
 
-/// The shares of the basis that go with a root z, norm 1: x and y are at right angles to all three equations.
+/// Returns the coordinates in the basis for a root z, normalised to 1.
+///
+/// (x, y, 1) is orthogonal to all three equations.
 fn solve_at(rows: &[InZ; 3], z: f64) -> Option<[f64; 4]> {
     let [a, b, c] = [0, 1, 2].map(|i| rows[i].at(z));
     let candidates = [a.cross(b), b.cross(c), c.cross(a)];
@@ -126,14 +134,17 @@ fn solve_at(rows: &[InZ; 3], z: f64) -> Option<[f64; 4]> {
     norm.is_finite().then(|| shares.map(|v| v / norm))
 }
 
-/// Steps of Gauss and Newton on the constraints.
+/// Number of Gauss–Newton steps on the constraints.
 const POLISH_STEPS: usize = 4;
-/// Squared norm of the constraints that rounding leaves.
+/// Squared norm of the constraints that is due to rounding.
 const EXACT: f64 = 1e-24;
-/// Squared norm above which a root was none.
+/// Squared norm of the constraints above which a root is rejected.
 const NO_ROOT: f64 = 1e-14;
 
-/// Elimination loses digits where pivots are small; a few steps on the constraints themselves bring them back.
+/// Refines a solution on the constraints.
+///
+/// Elimination loses digits if pivots are small; a few steps on the constraints themselves restore
+/// them.
 fn polished(basis: &[DMat3; 4], mut shares: [f64; 4]) -> Option<DMat3> {
     let matrix = |shares: [f64; 4]| (0..4).fold(DMat3::ZERO, |sum, k| sum + basis[k] * shares[k]);
     for _ in 0..POLISH_STEPS {
@@ -142,7 +153,7 @@ fn polished(basis: &[DMat3; 4], mut shares: [f64; 4]) -> Option<DMat3> {
         if inner(miss, miss) < EXACT {
             break;
         }
-        // The largest share stays: the scale of E means nothing.
+        // The largest coordinate is kept, since the scale of E is arbitrary.
         let fixed = (0..4).max_by(|&i, &k| shares[i].abs().total_cmp(&shares[k].abs()))?;
         let free = [1, 2, 3].map(|k| (fixed + k) % 4);
         let slopes = free.map(|k| constraint_slope(e, basis[k]));
@@ -158,12 +169,14 @@ fn polished(basis: &[DMat3; 4], mut shares: [f64; 4]) -> Option<DMat3> {
     (inner(miss, miss) < NO_ROOT).then_some(e)
 }
 
-/// `2 E Eᵀ E − trace(E Eᵀ) E`, zero for essential matrices and only for them: its determinant's equation follows.
+/// Returns `2 E Eᵀ E − trace(E Eᵀ) E`, which is zero exactly for essential matrices.
+///
+/// `det E = 0` follows from it.
 fn constraint(e: DMat3) -> DMat3 {
     2.0 * (e * (e.transpose() * e)) - inner(e, e) * e
 }
 
-/// Derivative of [`constraint`] in the direction `d`.
+/// Returns the derivative of [`constraint`] in the direction `d`.
 fn constraint_slope(e: DMat3, d: DMat3) -> DMat3 {
     let turned = e.transpose();
     2.0 * (d * (turned * e) + e * (d.transpose() * e) + e * (turned * d))
@@ -179,12 +192,16 @@ fn inner(a: DMat3, b: DMat3) -> f64 {
 type Linear = [f64x4; 4];
 /// Coefficients of x², y², z², xy, xz, yz, x, y, z, 1.
 type Quadratic = [f64x4; 10];
-/// Coefficients in the order of D. Nistér: x³, y³, x²y, xy², x²z, x², y²z, y², xyz, xy, then xz², xz, x, yz², yz, y, z³,
-/// z², z, 1.
+/// Coefficients of cubic monomials in the order of D. Nistér.
+///
+/// The order is x³, y³, x²y, xy², x²z, x², y²z, y², xyz, xy, then xz², xz, x, yz², yz, y, z³, z²,
+/// z, 1.
 type Cubic = [f64x4; 20];
 
-/// `2 E Eᵀ E = trace(E Eᵀ) E` and `det E = 0` for `E = x B₀ + y B₁ + z B₂ + B₃`; ten rows of the coefficients of
-/// [`Cubic`]'s monomials.
+/// Returns the equations `2 E Eᵀ E = trace(E Eᵀ) E` and `det E = 0`.
+///
+/// `E = x B₀ + y B₁ + z B₂ + B₃`. The result is ten rows of the coefficients of [`Cubic`]'s
+/// monomials.
 pub(super) fn essential_constraints(basis: &[[f64; 9]; 4]) -> [[f64; 20]; 10] {
     let row = |i: usize| -> Linear {
         std::array::from_fn(|k| lanes(basis[k][3 * i], basis[k][3 * i + 1], basis[k][3 * i + 2]))
@@ -200,7 +217,7 @@ pub(super) fn essential_constraints(basis: &[[f64; 9]; 4]) -> [[f64; 20]; 10] {
         gram(0, 2),
         gram(1, 2),
     );
-    // E Eᵀ − trace / 2 on the diagonal: half of what the other two leave out.
+    // E Eᵀ minus trace / 2 on the diagonal: half the difference to the other two entries.
     let half = |plus: &Quadratic, minus: [&Quadratic; 2]| -> Quadratic {
         std::array::from_fn(|m| (plus[m] - minus[0][m] - minus[1][m]) * 0.5)
     };
@@ -249,7 +266,7 @@ fn square(a: &Linear, b: &Linear) -> Quadratic {
     ]
 }
 
-/// Cross product over the lanes.
+/// Returns the cross product over the lanes.
 fn cross(a: &Linear, b: &Linear) -> Quadratic {
     let turned = |row: &Linear, by: usize| -> Linear {
         row.map(|v| {

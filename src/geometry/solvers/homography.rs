@@ -4,17 +4,21 @@ use nalgebra::SMatrix;
 use super::eight_point::{Centring, least_eigenvector};
 use super::null_space::from_rows;
 
-/// Below this the determinant of three points over their lengths means that they lie in one line.
+/// Determinant of three points, relative to their lengths, below which they are collinear.
 const LINE: f64 = 1e-10;
 
-/// The homography with `x2 ~ H x1` for four pairs of points `[x1, x2]` of which no three are in one line; determinant
-/// ±1 (R. Hartley, A. Zisserman, *Multiple View Geometry in Computer Vision*, 2004, 2.3 by way of the projective basis).
-/// `None` for three points in one line, or four that change sides of a line through two of them, as no view of a plane does.
+/// Returns the homography with `x2 ~ H x1` for four pairs of points `[x1, x2]`.
+///
+/// No three points may be collinear. The determinant is ±1 (R. Hartley, A. Zisserman, *Multiple
+/// View Geometry in Computer Vision*, 2004, 2.3, via the projective basis). Returns `None` for
+/// three collinear points. Also returns `None` if points change sides of a line through two of
+/// them, which no view of a plane does.
 #[must_use]
 pub fn homography4(pairs: &[[DVec2; 2]; 4]) -> Option<DMat3> {
     let [from, to] = [0, 1].map(|side| projective_basis(pairs.map(|pair| pair[side])));
     let ((from, from_shares), (to, to_shares)) = (from?, to?);
-    // A plane in front of both cameras keeps the order of its points: all shares change by the same sign.
+    // A plane in front of both cameras keeps the orientation of its points: all factors have the
+    // same sign.
     let ratio = from_shares * to_shares;
     if ratio.min_element() < 0.0 && ratio.max_element() > 0.0 {
         return None;
@@ -22,8 +26,10 @@ pub fn homography4(pairs: &[[DVec2; 2]; 4]) -> Option<DMat3> {
     unit_determinant(to * from.inverse())
 }
 
-/// The matrix that takes the three axes to the first three points and (1, 1, 1) to the fourth, and the fourth's
-/// coordinates by the first three.
+/// Returns the matrix of the projective basis of four points.
+///
+/// It maps the three axes to the first three points, and (1, 1, 1) to the fourth. Also returns the
+/// fourth point's coordinates in terms of the first three.
 fn projective_basis(points: [DVec2; 4]) -> Option<(DMat3, glam::DVec3)> {
     let [a, b, c, d] = points.map(|x| x.extend(1.0));
     let corners = DMat3::from_cols(a, b, c);
@@ -42,8 +48,10 @@ fn projective_basis(points: [DVec2; 4]) -> Option<(DMat3, glam::DVec3)> {
     ))
 }
 
-/// The homography with the least weighted algebraic error over four or more pairs, by the direct linear transform on
-/// centred points (R. Hartley, A. Zisserman, 2004, algorithm 4.2); determinant ±1. `None` for degenerate points.
+/// Returns the homography with the least weighted algebraic error over four or more pairs.
+///
+/// Direct linear transform on normalised points (R. Hartley, A. Zisserman, 2004, algorithm 4.2);
+/// the determinant is ±1. Returns `None` for degenerate points.
 #[must_use]
 pub fn homography(pairs: &[[DVec2; 2]], weights: &[f64]) -> Option<DMat3> {
     if weights.iter().filter(|&&w| w > 0.0).count() < 4 {

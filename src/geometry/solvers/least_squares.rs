@@ -1,12 +1,14 @@
-/// A robust least-squares problem with `N` free numbers at one state of them.
+/// A robust least-squares problem with `N` parameters, at one state.
 pub(crate) trait Problem<const N: usize>: Sized {
-    /// The cost here, the normal matrix `Jᵀ W J` (its lower half is read) and the gradient `Jᵀ W r`.
+    /// Returns the cost, the normal matrix `Jᵀ W J` and the gradient `Jᵀ W r`.
+    ///
+    /// Only the lower half of the matrix is read.
     fn linearise(&self) -> Linearised<N>;
-    /// The state a step away.
+    /// Returns the problem after a step.
     fn moved(&self, step: &[f64; N]) -> Self;
 }
 
-/// A problem near one state.
+/// A linearised problem: sums of the normal equations.
 pub(crate) struct Linearised<const N: usize> {
     pub cost: f64,
     pub normal: [[f64; N]; N],
@@ -14,7 +16,7 @@ pub(crate) struct Linearised<const N: usize> {
 }
 
 impl<const N: usize> Linearised<N> {
-    /// Nothing summed yet.
+    /// Returns empty sums.
     pub const ZERO: Self = Self {
         cost: 0.0,
         normal: [[0.0; N]; N],
@@ -34,13 +36,15 @@ impl<const N: usize> Linearised<N> {
     }
 }
 
-/// Damping at first, as a share of the diagonal.
+/// Initial damping, as a share of the diagonal.
 const FIRST_DAMPING: f64 = 1e-4;
-/// A step that lowers the cost by less than this share is the last.
+/// Relative decrease of the cost below which the iteration stops.
 const SMALL_GAIN: f64 = 1e-5;
 
-/// The state of least cost near `start` by at most `max_steps` steps of K. Levenberg and D. Marquardt's method (*An
-/// Algorithm for Least-Squares Estimation of Nonlinear Parameters*, SIAM 1963). Never worse than `start`.
+/// Minimises the cost from `start` in at most `max_steps` steps of Levenberg–Marquardt.
+///
+/// D. Marquardt, *An Algorithm for Least-Squares Estimation of Nonlinear Parameters*, SIAM 1963,
+/// after K. Levenberg. The result is never worse than `start`.
 pub(crate) fn minimise<const N: usize, P: Problem<N>>(start: P, max_steps: usize) -> P {
     let (mut state, mut damping) = (start, FIRST_DAMPING);
     let mut here = state.linearise();
@@ -69,8 +73,9 @@ pub(crate) fn minimise<const N: usize, P: Problem<N>>(start: P, max_steps: usize
     state
 }
 
-/// Solves `a x = b` for a symmetric positive definite `a`, of which the lower half is read, by Cholesky's decomposition;
-/// `None` where it is none.
+/// Solves `a x = b` for a symmetric positive definite `a` by Cholesky decomposition.
+///
+/// Only the lower half of `a` is read. Returns `None` if `a` is not positive definite.
 fn solve_positive<const N: usize>(mut a: [[f64; N]; N], mut b: [f64; N]) -> Option<[f64; N]> {
     for i in 0..N {
         for k in 0..=i {
@@ -99,13 +104,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn solves_positive_systems_only() {
+    fn only_positive_definite_systems_are_solved() {
         let x = solve_positive(
             [[4.0, 0.0, 0.0], [1.0, 3.0, 0.0], [0.5, -1.0, 2.0]],
             [7.5, 4.0, 4.5],
         )
         .unwrap();
-        // The whole matrix: [4 1 .5; 1 3 −1; .5 −1 2].
+        // The full matrix: [4 1 .5; 1 3 −1; .5 −1 2].
         let back = [
             4.0 * x[0] + x[1] + 0.5 * x[2],
             x[0] + 3.0 * x[1] - x[2],
@@ -121,7 +126,10 @@ mod tests {
         assert_eq!(solve_positive([[f64::NAN]], [1.0]), None);
     }
 
-    /// H. H. Rosenbrock's valley, *An Automatic Method for Finding the Greatest or Least Value of a Function*, 1960.
+    /// Rosenbrock's function.
+    ///
+    /// H. H. Rosenbrock, *An Automatic Method for Finding the Greatest or Least Value of a
+    /// Function*, 1960.
     struct Valley([f64; 2]);
 
     impl Problem<2> for Valley {
@@ -145,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn follows_a_bent_valley_to_its_end() {
+    fn rosenbrock_function_is_minimised() {
         let end = minimise(Valley([-1.2, 1.0]), 100).0;
         assert!(end.iter().all(|v| (v - 1.0).abs() < 1e-6), "{end:?}");
     }

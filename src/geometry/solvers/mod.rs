@@ -1,5 +1,7 @@
-//! Minimal solvers: one pure function per file, from the fewest correspondences that fix a model to all models that
-//! satisfy them. Rays are points on the plane z = 1 of camera space, lens distortion removed.
+//! Minimal solvers, one pure function per file.
+//!
+//! A minimal solver takes the fewest correspondences that determine a model and returns all models
+//! that satisfy them. Rays are points on the plane z = 1 of camera space, without lens distortion.
 
 mod eight_point;
 mod five_point;

@@ -1,6 +1,6 @@
 use glam::{DMat3, DVec2};
 
-/// The equation `x2ᵀ M x1 = 0` of a pair of rays, by the nine entries of `M` row by row.
+/// Returns the equation `x2ᵀ M x1 = 0` of a pair of rays, in the nine entries of `M` row by row.
 pub(super) fn epipolar_equation([x1, x2]: [DVec2; 2]) -> [f64; 9] {
     [
         x2.x * x1.x,
@@ -15,16 +15,18 @@ pub(super) fn epipolar_equation([x1, x2]: [DVec2; 2]) -> [f64; 9] {
     ]
 }
 
-/// A matrix from its nine entries row by row.
+/// Returns a matrix from its nine entries, row by row.
 pub(super) fn from_rows(entries: &[f64; 9]) -> DMat3 {
     DMat3::from_cols_array(entries).transpose()
 }
 
-/// Below this share of its length the part of an equation that is new counts as rounding.
+/// Relative length below which the independent part of an equation counts as rounding.
 const NEW_SHARE: f64 = 1e-12;
 
-/// Orthonormal basis of all vectors that `ROWS` equations send to zero, with `FREE = 9 − ROWS`, by Householder's
-/// reflections; `None` where the equations depend on each other or are not finite.
+/// Returns an orthonormal basis of the null space of `ROWS` equations, with `FREE = 9 − ROWS`.
+///
+/// Uses Householder reflections. Returns `None` if the equations are linearly dependent or not
+/// finite.
 pub(super) fn null_space<const ROWS: usize, const FREE: usize>(
     mut rows: [[f64; 9]; ROWS],
 ) -> Option<[[f64; 9]; FREE]> {

@@ -3,14 +3,16 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use super::real_roots::real_roots;
 use crate::Pose;
 
-/// Newton's steps on the three distances.
+/// Number of Newton steps on the three distances.
 const POLISH_STEPS: usize = 3;
 
-/// The up to four poses `camera_from_world` that put three world points onto three rays, the points in front of the
-/// camera: the distances are where two conics meet, found by a degenerate conic of their pencil, which is two lines
-/// (M. Persson, K. Nordberg, *Lambda Twist: An Accurate Fast Robust Perspective Three Point (P3P) Solver*, ECCV 2018;
-/// Y. Ding, J. Yang, V. Larsson, C. Olsson, K. Åström, *Revisiting the P3P Problem*, CVPR 2023). None for points in one
-/// line.
+/// Returns up to four poses `camera_from_world` that map three world points onto three rays.
+///
+/// The points are in front of the camera. The distances are the intersections of two conics, found
+/// by a degenerate conic of their pencil, which is two lines (M. Persson, K. Nordberg, *Lambda
+/// Twist: An Accurate Fast Robust Perspective Three Point (P3P) Solver*, ECCV 2018; Y. Ding, J.
+/// Yang, V. Larsson, C. Olsson, K. Åström, *Revisiting the P3P Problem*, CVPR 2023). Returns none
+/// for collinear points.
 #[must_use]
 pub fn p3p(rays: &[DVec2; 3], points: &[DVec3; 3]) -> Vec<Pose> {
     let directions = rays.map(|ray| ray.extend(1.0).normalize());
@@ -38,7 +40,7 @@ pub fn p3p(rays: &[DVec2; 3], points: &[DVec3; 3]) -> Vec<Pose> {
     found
 }
 
-/// Two sides of a triangle and their cross product; `None` where it has no area.
+/// Returns two sides of a triangle and their cross product; `None` if it has no area.
 fn side_frame(u: DVec3, v: DVec3) -> Option<DMat3> {
     let normal = u.cross(v);
     let enough = normal.length() > 1e-10 * u.length() * v.length();
@@ -64,7 +66,7 @@ impl Triangle {
         }
     }
 
-    /// Distances of the three points along their rays, all above 0.
+    /// Returns the distances of the three points along their rays, all above 0.
     fn distances(&self) -> Vec<DVec3> {
         let (a, b) = (self.sides, self.cosines);
         // λᵀ first λ = 0 compares side 12 with side 23, λᵀ second λ = 0 side 13 with side 23.
@@ -94,7 +96,7 @@ impl Triangle {
         found
     }
 
-    /// Squared sides that given distances lead to.
+    /// Returns the squared sides for given distances.
     fn sides_of(&self, d: DVec3) -> DVec3 {
         let b = self.cosines;
         DVec3::new(
@@ -104,7 +106,7 @@ impl Triangle {
         )
     }
 
-    /// The multiple of a direction that gives the triangle its size.
+    /// Scales a direction so that the triangle has its size.
     fn scaled(&self, direction: DVec3) -> Option<DVec3> {
         let size = self.sides_of(direction).element_sum();
         let scale = (self.sides.element_sum() / size).sqrt();
@@ -133,12 +135,12 @@ impl Triangle {
     }
 }
 
-/// A symmetric matrix by its diagonal and its entries 12, 13, 23.
+/// Returns a symmetric matrix from its diagonal and its entries 12, 13, 23.
 fn symmetric(d: [f64; 3], o: [f64; 3]) -> DMat3 {
     DMat3::from_cols_array(&[d[0], o[0], o[1], o[0], d[1], o[2], o[1], o[2], d[2]])
 }
 
-/// Adjugate of a symmetric matrix.
+/// Returns the adjugate of a symmetric matrix.
 fn adjugate(m: DMat3) -> DMat3 {
     DMat3::from_cols(
         m.y_axis.cross(m.z_axis),
@@ -151,8 +153,9 @@ fn trace_product(m: DMat3, n: DMat3) -> f64 {
     m.x_axis.dot(n.x_axis) + m.y_axis.dot(n.y_axis) + m.z_axis.dot(n.z_axis)
 }
 
-/// The two lines of a degenerate conic (J. Richter-Gebert, *Perspectives on Projective Geometry*, 2011, 11.1); `None`
-/// where they are not real.
+/// Splits a degenerate conic into its two lines; `None` if they are not real.
+///
+/// J. Richter-Gebert, *Perspectives on Projective Geometry*, 2011, 11.1.
 fn line_pair(conic: DMat3) -> Option<[DVec3; 2]> {
     let adjugate = adjugate(conic);
     let (at, value) = (0..3)
@@ -170,10 +173,10 @@ fn line_pair(conic: DMat3) -> Option<[DVec3; 2]> {
     Some([split.row(row), split.col(column)])
 }
 
-/// Directions in which a line of the pencil meets a conic.
+/// Returns the directions in which a line of the pencil intersects a conic.
 fn meet(line: DVec3, conic: DMat3) -> impl Iterator<Item = DVec3> {
     let size = line.abs();
-    // Two directions on the line; the largest coefficient is solved for.
+    // Two directions on the line; the equation is solved for the largest coefficient.
     let (u, v) = if size.x >= size.y && size.x >= size.z {
         (
             DVec3::new(-line.y / line.x, 1.0, 0.0),
@@ -191,7 +194,7 @@ fn meet(line: DVec3, conic: DMat3) -> impl Iterator<Item = DVec3> {
         )
     };
     let (square, half, constant) = (u.dot(conic * u), u.dot(conic * v), v.dot(conic * v));
-    // Two nearly equal roots may come out complex by rounding.
+    // Two nearly equal roots may become complex by rounding.
     let under = half * half - square * constant;
     let root = if under < 0.0 && -under < 1e-12 * half * half {
         0.0

@@ -1,17 +1,19 @@
-/// Halvings of an interval before the roots in it count as one.
+/// Number of halvings of an interval after which the roots in it count as one.
 const MAX_DEPTH: u32 = 45;
-/// A step of Newton's method this small leads to the root within rounding.
+/// Step of Newton's method below which the root is exact up to rounding.
 const SMALL_STEP: f64 = 1e-10;
-/// How far beyond ±1 the first search goes, so that it holds the roots at ±1.
+/// Margin of the first search beyond ±1, so that it includes roots at ±1.
 const HAIR: f64 = 1e-9;
-/// Steps that refine one root.
+/// Maximum number of steps that refine one root.
 const MAX_STEPS: usize = 60;
 
-/// All real roots of the polynomial `Σ coefficients[i] zⁱ`, in no particular order, roots that rounding cannot tell
-/// apart once: a Sturm chain counts the roots in an interval, intervals are halved until they hold one each, and
-/// Newton's method, kept inside its interval, finds it. Roots beyond ±1 are found as reciprocals, so that none is too
-/// large. (D. G. Hook, P. R. McAree, *Using Sturm Sequences to Bracket Real Roots of Polynomial Equations*, Graphics
-/// Gems, 1990.)
+/// Returns all real roots of the polynomial `Σ coefficients[i] zⁱ`, in no particular order.
+///
+/// Roots that are equal up to rounding are returned once. A Sturm chain counts the roots in an
+/// interval. Intervals are halved until each contains one root, which Newton's method, confined to
+/// the interval, then finds. Roots beyond ±1 are found as reciprocals, so that none is too large.
+/// (D. G. Hook, P. R. McAree, *Using Sturm Sequences to Bracket Real Roots of Polynomial
+/// Equations*, Graphics Gems, 1990.)
 pub(super) fn real_roots<const N: usize>(coefficients: &[f64; N]) -> Vec<f64> {
     let mut roots = Vec::new();
     let largest = coefficients
@@ -29,7 +31,7 @@ pub(super) fn real_roots<const N: usize>(coefficients: &[f64; N]) -> Vec<f64> {
     let mut kept = inner;
     for i in inner..roots.len() {
         let root = roots[i];
-        // What is at ±1 was found above; what is nearly 0 stands for infinity.
+        // Roots at ±1 were found above; roots near 0 stand for infinity.
         if (HAIR..1.0 - HAIR).contains(&root.abs()) {
             roots[kept] = 1.0 / root;
             kept += 1;
@@ -39,17 +41,17 @@ pub(super) fn real_roots<const N: usize>(coefficients: &[f64; N]) -> Vec<f64> {
     roots
 }
 
-/// An interval and how often the chain's signs change at its ends.
+/// An interval and the number of sign changes of the chain at its ends.
 struct Interval {
     ends: [f64; 2],
     changes: [i64; 2],
     depth: u32,
 }
 
-/// Parts that the first search is cut into; their ends are looked at side by side.
+/// Number of parts of the first search; their ends are evaluated at once.
 const PARTS: usize = 3;
 
-/// The roots from −1 to 1.
+/// Returns the roots from −1 to 1.
 fn within_one<const N: usize>(polynomial: &[f64; N], roots: &mut Vec<f64>) {
     let chain = Chain::new(polynomial);
     let ends: [f64; PARTS + 1] =
@@ -98,8 +100,10 @@ fn within_one<const N: usize>(polynomial: &[f64; N], roots: &mut Vec<f64>) {
     }
 }
 
-/// Sturm's chain in the form of its quotients: each member is `(slope · z + offset) · next − share · next but one`,
-/// so that evaluating it costs two multiplications per member.
+/// Sturm chain, stored as its quotients.
+///
+/// Each member is `(slope · z + offset) · next − share · next but one`, so that evaluating it costs
+/// two multiplications per member.
 struct Chain<const N: usize> {
     quotients: [[f64; 3]; N],
     length: usize,
@@ -142,7 +146,7 @@ impl<const N: usize> Chain<N> {
         chain
     }
 
-    /// How often the sign changes along the chain at each of several places.
+    /// Returns the number of sign changes along the chain at each of several positions.
     fn sign_changes<const M: usize>(&self, places: &[f64; M]) -> [i64; M] {
         let (mut value, mut before, mut changes) = ([self.last; M], [0.0; M], [0; M]);
         for [slope, offset, share] in self.quotients[..self.length].iter().rev() {
@@ -156,8 +160,9 @@ impl<const N: usize> Chain<N> {
     }
 }
 
-/// The one root in an interval: Newton's steps, halving where a step would leave it; `None` for a root where the sign
-/// does not change.
+/// Returns the single root in an interval; `None` for a root without a sign change.
+///
+/// Takes Newton steps, and bisects if a step would leave the interval.
 fn refine<const N: usize>(polynomial: &[f64; N], [mut low, mut high]: [f64; 2]) -> Option<f64> {
     let rises = evaluate(polynomial, high).0 > 0.0;
     if rises == (evaluate(polynomial, low).0 > 0.0) {
@@ -185,7 +190,7 @@ fn refine<const N: usize>(polynomial: &[f64; N], [mut low, mut high]: [f64; 2]) 
     Some(z)
 }
 
-/// Value and derivative.
+/// Returns value and derivative.
 fn evaluate<const N: usize>(polynomial: &[f64; N], z: f64) -> (f64, f64) {
     polynomial
         .iter()
@@ -200,7 +205,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn finds_small_large_negative_and_near_roots() {
+    fn small_large_negative_and_close_roots_are_found() {
         let truth = [-40.0, -1.0, -0.3, 0.0, 1e-4, 0.999, 1.0, 1.001, 5.0, 3000.0];
         let mut polynomial = [0.0; 11];
         polynomial[0] = 1.0;
@@ -218,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn says_none_where_there_is_none() {
+    fn polynomials_without_real_roots_have_none() {
         assert!(real_roots(&[1.0, 0.0, 1.0]).is_empty());
         assert!(real_roots(&[0.0; 4]).is_empty());
         assert!(real_roots(&[1.0, f64::NAN, 1.0]).is_empty());
@@ -230,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn a_double_root_is_told_once_or_left_out_but_no_other_is_lost() {
+    fn double_root_is_found_at_most_once_and_other_roots_are_not_lost() {
         // (z − 0.5)² (z + 0.25)
         let found = real_roots(&[0.0625, 0.0, -0.75, 1.0]);
         assert!(found.iter().any(|z| (z + 0.25).abs() < 1e-9), "{found:?}");

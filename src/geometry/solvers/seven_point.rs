@@ -3,16 +3,18 @@ use glam::{DMat3, DVec2};
 use super::null_space::{epipolar_equation, from_rows, null_space};
 use super::real_roots::real_roots;
 
-/// The one to three fundamental matrices `F` with `x2ᵀ F x1 = 0` and `det F = 0` for seven pairs of points `[x1, x2]`
-/// (R. Hartley, A. Zisserman, *Multiple View Geometry in Computer Vision*, 2004, 11.1.2). Frobenius norm 1; none where
-/// the pairs do not fix `F` to a pencil.
+/// Returns up to three fundamental matrices `F` with `x2ᵀ F x1 = 0` for seven pairs `[x1, x2]`.
+///
+/// Each has `det F = 0` and Frobenius norm 1 (R. Hartley, A. Zisserman, *Multiple View Geometry in
+/// Computer Vision*, 2004, 11.1.2). Returns none if the pairs do not restrict `F` to a pencil.
 #[must_use]
 pub fn seven_point(pairs: &[[DVec2; 2]; 7]) -> Vec<DMat3> {
     let Some(basis) = null_space::<7, 2>(pairs.map(epipolar_equation)) else {
         return Vec::new();
     };
     let [a, b] = basis.map(|entries| from_rows(&entries));
-    // det(a z + b) is a cubic; its inner coefficients are the columns of one matrix replaced by the other's.
+    // det(a z + b) is a cubic; its inner coefficients are determinants of one matrix with columns
+    // of the other.
     let mixed = |m: DMat3, n: DMat3| {
         m.x_axis.cross(m.y_axis).dot(n.z_axis)
             + m.y_axis.cross(m.z_axis).dot(n.x_axis)

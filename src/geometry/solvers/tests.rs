@@ -15,7 +15,7 @@ fn vector(random: &mut Pcg64Mcg, reach: f64) -> DVec3 {
     DVec3::from_array([0; 3].map(|_| between(random, -reach, reach)))
 }
 
-/// A second camera that sees much of what the first sees.
+/// Returns a second camera that sees much of the first camera's view.
 fn pose(random: &mut Pcg64Mcg) -> Pose {
     let axis = vector(random, 1.0).normalize();
     let angle = between(random, 0.0, 0.6);
@@ -49,7 +49,7 @@ fn norm(m: DMat3) -> f64 {
     m.to_cols_array().iter().map(|v| v * v).sum::<f64>().sqrt()
 }
 
-/// Distance of two matrices whose scale and sign mean nothing.
+/// Returns the distance of two matrices up to scale and sign.
 fn distance(a: DMat3, b: DMat3) -> f64 {
     let (a, b) = (a * (1.0 / norm(a)), b * (1.0 / norm(b)));
     norm(a - b).min(norm(a + b))
@@ -63,7 +63,7 @@ fn epipolar_miss(m: DMat3, [x1, x2]: [DVec2; 2]) -> f64 {
     x2.extend(1.0).dot(m * x1.extend(1.0)).abs()
 }
 
-/// In how many seeds the truth was not among what was found.
+/// Number of seeds for which the ground truth was not among the solutions.
 fn misses(mut is_found: impl FnMut(&mut Pcg64Mcg) -> bool) -> usize {
     (0..SEEDS)
         .filter(|&seed| !is_found(&mut Pcg64Mcg::seed_from_u64(seed)))
@@ -71,7 +71,7 @@ fn misses(mut is_found: impl FnMut(&mut Pcg64Mcg) -> bool) -> usize {
 }
 
 #[test]
-fn five_point_finds_the_truth_and_only_essential_matrices() {
+fn five_point_finds_the_ground_truth_and_only_essential_matrices() {
     let missed = misses(|random| {
         let pose = pose(random);
         let pairs = pairs(&points::<5>(random), &pose);
@@ -95,7 +95,7 @@ fn five_point_finds_the_truth_and_only_essential_matrices() {
 }
 
 #[test]
-fn seven_point_finds_the_truth_and_only_singular_matrices() {
+fn seven_point_finds_the_ground_truth_and_only_singular_matrices() {
     let missed = misses(|random| {
         let pose = pose(random);
         let pairs = pairs(&points::<7>(random), &pose);
@@ -113,7 +113,7 @@ fn seven_point_finds_the_truth_and_only_singular_matrices() {
 }
 
 #[test]
-fn eight_point_finds_the_truth_and_ignores_what_weighs_nothing() {
+fn eight_point_finds_the_ground_truth_and_ignores_zero_weights() {
     let missed = misses(|random| {
         let pose = pose(random);
         let mut pairs = pairs(&points::<12>(random), &pose);
@@ -128,7 +128,7 @@ fn eight_point_finds_the_truth_and_ignores_what_weighs_nothing() {
 }
 
 #[test]
-fn homographies_find_the_truth() {
+fn homography_solvers_find_the_ground_truth() {
     let missed = misses(|random| {
         let pose = pose(random);
         let normal = (DVec3::Z + vector(random, 0.4)).normalize();
@@ -151,7 +151,7 @@ fn homographies_find_the_truth() {
 }
 
 #[test]
-fn p3p_finds_the_truth_and_only_poses_that_fit() {
+fn p3p_finds_the_ground_truth_and_only_poses_that_fit() {
     let missed = misses(|random| {
         let pose = pose(random);
         let points = points::<3>(random);

@@ -54,7 +54,7 @@ fn somewhere(random: &mut Pcg64Mcg) -> DVec3 {
 }
 
 #[test]
-fn finds_points_exactly_and_with_noise_nearly() {
+fn points_are_exact_without_noise_and_close_with_noise() {
     let poses = ring(6);
     for seed in 0..200 {
         let random = &mut Pcg64Mcg::seed_from_u64(seed);
@@ -69,7 +69,7 @@ fn finds_points_exactly_and_with_noise_nearly() {
 }
 
 #[test]
-fn the_point_has_the_least_reprojection_error() {
+fn point_has_the_least_reprojection_error() {
     // One camera much nearer than the others: the point nearest to the rays is not the best one.
     let mut poses = ring(4);
     poses[0].translation.z = 1.0;
@@ -90,7 +90,7 @@ fn the_point_has_the_least_reprojection_error() {
 }
 
 #[test]
-fn wrong_sightings_are_left_out() {
+fn wrong_observations_are_excluded() {
     for (count, wrong) in [(3, 1), (6, 2), (6, 3), (30, 12)] {
         let poses = ring(count);
         for seed in 0..100 {
@@ -116,7 +116,7 @@ fn wrong_sightings_are_left_out() {
 }
 
 #[test]
-fn too_narrow_behind_and_degenerate_are_none() {
+fn narrow_behind_and_degenerate_views_give_none() {
     let options = TriangulationOptions::default();
     let random = &mut Pcg64Mcg::seed_from_u64(2);
     let narrow = ring(200);
@@ -129,7 +129,7 @@ fn too_narrow_behind_and_degenerate_are_none() {
     };
     assert!(triangulate_robust(&views, &eager).is_some());
 
-    // Rays that only meet behind the cameras.
+    // Rays that intersect only behind the cameras.
     let poses = ring(8);
     let mut apart = seen(&poses[..2], DVec3::ZERO, random, 0.0);
     moved(&mut apart[0], DVec2::new(-400.0, 0.0));
@@ -147,7 +147,7 @@ fn too_narrow_behind_and_degenerate_are_none() {
 }
 
 #[test]
-fn the_largest_angle_is_that_of_the_widest_pair() {
+fn largest_angle_is_that_of_the_widest_pair() {
     let centres = [DVec3::X, DVec3::new(1.0, 1.0, 0.0), 3.0 * DVec3::Y];
     assert!((largest_angle(DVec3::ZERO, &centres) - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
     assert_eq!(largest_angle(DVec3::ZERO, &centres[..1]), 0.0);

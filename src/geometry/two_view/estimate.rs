@@ -9,16 +9,16 @@ use crate::ransac::{Consensus, Estimator, RansacOptions, consensus};
 use crate::{Camera, Pose};
 use ostra_core::statistics::upper_median;
 
-/// When matches agree, and how long to look for agreement.
+/// Options of [`estimate_two_view`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TwoViewOptions {
-    /// Largest error of an inlier in pixels.
+    /// Maximum error of an inlier, pixels.
     pub max_error_px: f64,
-    /// Wanted probability of having drawn a sample without outliers.
+    /// Required probability of having drawn a sample without outliers.
     pub confidence: f64,
-    /// Fewer inliers are no agreement.
+    /// Minimum number of inliers.
     pub min_inliers: usize,
-    /// Samples at most per model.
+    /// Maximum number of samples per model.
     pub max_iterations: usize,
     /// Seed of the samples.
     pub seed: u64,
@@ -36,12 +36,16 @@ impl Default for TwoViewOptions {
     }
 }
 
-/// What two views have in common.
+/// Kind of the geometry between two views.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TwoViewKind {
-    /// The intrinsics hold: an essential matrix explains the inliers as well as a fundamental matrix.
+    /// The intrinsics are correct.
+    ///
+    /// An essential matrix explains the inliers as well as a fundamental matrix.
     Calibrated,
-    /// Intrinsics are guesses, or a fundamental matrix explains clearly more than an essential matrix.
+    /// A fundamental matrix explains the inliers.
+    ///
+    /// The intrinsics are guesses, or it explains clearly more than an essential matrix.
     Uncalibrated,
     /// A homography explains nearly all inliers, and the camera moved.
     Planar,
@@ -49,44 +53,57 @@ pub enum TwoViewKind {
     Panoramic,
 }
 
-/// What two views have in common, and the motion between them.
+/// Geometry and motion between two views.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TwoView {
-    /// Which model explains the inliers.
+    /// Model that explains the inliers.
     pub kind: TwoViewKind,
-    /// Motion of the camera with a translation of length 1; `None` without parallax, and where no motion puts most
-    /// points in front of both cameras.
+    /// Motion of the camera with unit translation.
+    ///
+    /// `None` without parallax, and if no motion puts most points in front of both cameras.
     pub second_from_first: Option<Pose>,
-    /// Indices of the matches that agree, ascending.
+    /// Indices of the inliers, ascending.
     pub inliers: Vec<u32>,
-    /// Median angle between the rays of inliers that lie in front of both cameras, in radians; 0 without a motion.
+    /// Median angle between the rays of inliers, radians; 0 without a motion.
+    ///
+    /// Only inliers in front of both cameras count.
     pub parallax: f64,
-    /// `F` with `x2ᵀ F x1 = 0` between pixels (lens distortion removed), Frobenius norm 1; `None` for panoramic views.
+    /// `F` with `x2ᵀ F x1 = 0` between pixels, Frobenius norm 1; `None` for panoramic views.
+    ///
+    /// Pixels are without lens distortion.
     pub fundamental: Option<DMat3>,
 }
 
-/// An essential matrix with at least this share of a fundamental matrix's inliers is the better explanation.
+/// Share of a fundamental matrix's inliers with which an essential matrix is preferred.
 const CALIBRATED_SHARE: f64 = 0.95;
-/// A homography or rotation with more than this share of the inliers explains them alone.
+/// Share of the inliers above which a homography or rotation alone explains them.
 const SIMPLE_SHARE: f64 = 0.8;
-/// Samples after which a search that found nothing ends; for models of more and of fewer freedoms.
+/// Maximum number of samples without success.
+///
+/// [`VAIN_SIMPLE`] is for models with fewer degrees of freedom.
 const VAIN: usize = 300;
 const VAIN_SIMPLE: usize = 300;
-/// A wrong focal length leaves errors of a few times the threshold, which a fundamental matrix is to take in.
+/// Threshold factor for fundamental matrices near an essential matrix.
+///
+/// A wrong focal length causes errors of a few times the threshold, and these matches must be
+/// included.
 const WIDE: f64 = 3.0;
-/// Focal lengths that are tried, relative to the guess: powers of the ratio, up to this one and down to its inverse.
+/// Ratio of neighbouring focal lengths that are tried around the guess.
+///
+/// Exponents go from −[`FOCAL_STEPS`] to [`FOCAL_STEPS`].
 const FOCAL_RATIO: f64 = 1.03;
 const FOCAL_STEPS: i32 = 40;
-/// Samples among matches that are inliers of another model already.
+/// Number of samples among matches that are inliers of another model already.
 const AMONG_INLIERS: usize = 100;
 
-/// Which matches between two images agree with one motion, of what kind the agreement is, and the motion; `None` where
-/// fewer than `min_inliers` agree, or no more than chance lets agree.
+/// Estimates the motion between two images, its kind, and the matches that agree with it.
 ///
-/// `matches_px` are positions in the first and second image. `calibrated` means that the intrinsics of both cameras
-/// are known; otherwise a fundamental matrix or a homography decides about inliers, and the motion is the best under the
-/// intrinsics given. The kinds are distinguished as by J. Schönberger, J.-M. Frahm, *Structure-from-Motion Revisited*, CVPR
-/// 2016.
+/// Returns `None` if fewer than `min_inliers` agree, or no more than by chance.
+///
+/// `matches_px` are positions in the first and second image. `calibrated` means that the intrinsics
+/// of both cameras are known. Otherwise, a fundamental matrix or a homography determines the
+/// inliers, and the motion is the best under the intrinsics given. The kinds are distinguished as
+/// by J. Schönberger, J.-M. Frahm, *Structure-from-Motion Revisited*, CVPR 2016.
 #[must_use]
 pub fn estimate_two_view(
     cameras: [&Camera; 2],
@@ -110,8 +127,10 @@ pub fn estimate_two_view(
     }
 }
 
-/// Whether a homography between rays is what a turning camera sees, whatever its focal length: `K R K⁻¹` with
-/// `K = diag(f, f, 1)` for some f relative to the guess, and the rotation nearest to it explains nearly all matches.
+/// Returns whether a homography between rays is that of a rotating camera, for any focal length.
+///
+/// It is `K R K⁻¹` with `K = diag(f, f, 1)` for some f relative to the guess, and with the nearest
+/// rotation it still explains nearly all matches.
 fn is_turn(homography: &DMat3, matched: &Matched) -> bool {
     let enough = SIMPLE_SHARE * matched.pairs.len() as f64;
     (-FOCAL_STEPS..=FOCAL_STEPS).any(|step| {
@@ -175,7 +194,8 @@ impl Search<'_> {
             self.chance_of_band(),
         );
         let plane = match &any {
-            // What explains most inliers of the one is found among them.
+            // A homography that explains most inliers of the fundamental matrix is found among
+            // them.
             Some(any) => self.among(&Agreement(&self.matched.chosen(&any.inliers), Homography)),
             None => self.seek_simple(&Agreement(self.matched, Homography)),
         };
@@ -212,7 +232,8 @@ impl Search<'_> {
         chance: f64,
     ) -> Option<Consensus<E::Model>> {
         let by_chance = chance * self.matched.pairs.len() as f64;
-        // What random matches reach: a sample's own, those that fall into the band, and the luck of many samples.
+        // Number of inliers of random matches: the sample's own, those in the band, and a margin
+        // for many samples.
         let lucky = (E::SAMPLE as f64 + by_chance + 4.0 * by_chance.sqrt()).ceil() as usize;
         let found = consensus(
             estimator,
@@ -221,12 +242,12 @@ impl Search<'_> {
         self.spread_out(&found.inliers).then_some(found)
     }
 
-    /// A plane or rotation where no motion was found.
+    /// Searches for a plane or rotation if no motion was found.
     fn seek_simple<E: Estimator>(&self, estimator: &E) -> Option<Consensus<E::Model>> {
         self.seek(estimator, VAIN_SIMPLE, 0.0)
     }
 
-    /// A model that most matches of a few agree on, which are inliers of another model already.
+    /// Searches for a model among matches that are inliers of another model already.
     fn among<E: Estimator>(&self, estimator: &E) -> Option<Consensus<E::Model>> {
         let options = RansacOptions {
             max_iterations: AMONG_INLIERS,
@@ -235,15 +256,16 @@ impl Search<'_> {
         consensus(estimator, &options)
     }
 
-    /// The model of [`Self::among`] where it explains nearly all.
+    /// Returns the model of [`Self::among`] if it explains nearly all matches.
     fn most<E: Estimator>(&self, estimator: &E) -> Option<E::Model> {
         let found = self.among(estimator)?;
         (found.inliers.len() as f64 > SIMPLE_SHARE * estimator.count() as f64)
             .then_some(found.model)
     }
 
-    /// How many matches agree with the best fundamental matrix near an essential matrix, less those that its two more
-    /// freedoms bring to agree whatever they are.
+    /// Returns the number of inliers of the best fundamental matrix near an essential matrix.
+    ///
+    /// Two are subtracted for its two additional degrees of freedom.
     fn freed(&self, essential: DMat3) -> f64 {
         let wide = refine_fundamental(self.matched, essential, WIDE);
         let near = wide.and_then(|wide| refine_fundamental(self.matched, wide, 1.0));
@@ -268,14 +290,16 @@ impl Search<'_> {
         }
     }
 
-    /// The share of the second image within the threshold of a line across it.
+    /// Returns the share of the second image within the threshold of a line across it.
     fn chance_of_band(&self) -> f64 {
         let [w, h] =
             [self.cameras[1].width, self.cameras[1].height].map(|side| f64::from(side.max(1)));
         (2.0 * self.options.max_error_px * w.hypot(h) / (w * h)).min(1.0)
     }
 
-    /// Whether inliers lie neither in one place nor in one line in either image, where they fix no motion.
+    /// Returns whether inliers are neither in one place nor collinear in either image.
+    ///
+    /// Otherwise, they do not determine a motion.
     fn spread_out(&self, places: &[u32]) -> bool {
         [0, 1].into_iter().all(|side| {
             let at = || {
@@ -319,7 +343,7 @@ impl Search<'_> {
         }
     }
 
-    /// Indices in the caller's list, ascending.
+    /// Returns the indices in the caller's list, ascending.
     fn given(&self, places: &[u32]) -> Vec<u32> {
         let mut given: Vec<u32> = places
             .iter()
@@ -330,15 +354,16 @@ impl Search<'_> {
     }
 }
 
-/// A motion and what it makes of the matches.
+/// A motion and its parallax.
 pub(super) struct Motion {
     pub second_from_first: Pose,
     /// Median angle between the rays of matches in front of both cameras, in radians.
     pub parallax: f64,
 }
 
-/// Which of the four motions of an essential matrix puts most points in front of both cameras; `None` where that is less
-/// than half of them.
+/// Returns the motion of an essential matrix that puts most points in front of both cameras.
+///
+/// Returns `None` if these are less than half of the points.
 pub(super) fn motion_in_front(essential: DMat3, pairs: &[[DVec2; 2]]) -> Option<Motion> {
     let mut best: Option<(Pose, Vec<f64>)> = None;
     for pose in poses_from_essential(essential)? {
@@ -360,7 +385,7 @@ pub(super) fn motion_in_front(essential: DMat3, pairs: &[[DVec2; 2]]) -> Option<
     })
 }
 
-/// Angles between the rays of all matches whose rays come nearest to each other in front of both cameras.
+/// Returns the angles between the rays of all matches that intersect in front of both cameras.
 fn angles_in_front(pose: &Pose, pairs: &[[DVec2; 2]]) -> Vec<f64> {
     let (r, t) = (DMat3::from_quat(pose.rotation), pose.translation);
     let angle = |[x1, x2]: &[DVec2; 2]| {

@@ -5,8 +5,10 @@ use crate::Camera;
 use crate::camera::pixel_slope;
 use crate::ransac::{Cutoff, LANES, within};
 
-/// Eight matches side by side: rays in both cameras, and the square of what a pixel is worth on the plane z = 1 there.
-/// Places without a match hold NaN, which no model explains.
+/// Eight matches for SIMD.
+///
+/// They are stored as rays in both cameras, with the squared size of a pixel on the plane z = 1.
+/// Unused lanes hold NaN, which no model explains.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Block {
     pub x1: [f64; LANES],
@@ -30,15 +32,15 @@ const EMPTY: Block = Block {
 pub(super) struct Matched {
     pub pairs: Vec<[DVec2; 2]>,
     pub blocks: Vec<Block>,
-    /// Where each match stood in the caller's list.
+    /// Index of each match in the caller's list.
     pub given: Vec<u32>,
-    /// The squared threshold in square pixels.
+    /// Squared threshold, square pixels.
     pub limit: f64,
     pub arch: Arch,
 }
 
 impl Matched {
-    /// Rays of all matches that both lenses cover.
+    /// Converts all matches that both lenses cover to rays.
     pub fn new(cameras: [&Camera; 2], matches_px: &[[DVec2; 2]], max_error_px: f64) -> Self {
         let mut rows = Vec::with_capacity(matches_px.len());
         for index in by_support(cameras, matches_px) {
@@ -54,7 +56,7 @@ impl Matched {
         Self::from_rows(&rows, max_error_px * max_error_px)
     }
 
-    /// Those at given places, in that order.
+    /// Returns the matches at given indices, in that order.
     pub fn chosen(&self, places: &[u32]) -> Self {
         let rows: Vec<Row> = places
             .iter()
@@ -91,7 +93,7 @@ impl Matched {
         }
     }
 
-    /// Sum of squared errors cut off at the limit; stops early above `enough`.
+    /// Returns the sum of squared errors truncated at the limit; stops early above `enough`.
     pub fn cost(&self, enough: f64, errors: impl Fn(&Block) -> [f64; LANES]) -> f64 {
         self.arch.dispatch(Cutoff::new(
             &self.blocks,
@@ -101,22 +103,23 @@ impl Matched {
         ))
     }
 
-    /// Places whose squared error is below the limit, ascending.
+    /// Returns the indices of matches whose squared error is below the limit, ascending.
     pub fn within(&self, errors: impl Fn(&Block) -> [f64; LANES]) -> Vec<u32> {
         within(&self.blocks, self.limit, errors)
     }
 }
 
-/// Rays, squares of a pixel, place in the caller's list.
+/// Rays, squared pixel sizes, and index in the caller's list.
 type Row = ([DVec2; 2], [f64; 2], u32);
 
-/// What a square pixel is worth on the plane z = 1; NaN where the lens covers nothing.
+/// Returns the area of a pixel on the plane z = 1; NaN where the lens covers nothing.
 fn square_of_pixel(camera: &Camera, ray: DVec2) -> f64 {
     pixel_slope(camera, ray).map_or(f64::NAN, |slope| slope.determinant().recip())
 }
 
-/// Squared distances in pixels to first order (P. Sampson, *Fitting conic sections to "very scattered" data*, CGIP
-/// 1982) for `x2ᵀ m x1 = 0`.
+/// Returns squared Sampson distances in pixels for `x2ᵀ m x1 = 0`.
+///
+/// P. Sampson, *Fitting conic sections to "very scattered" data*, CGIP 1982.
 #[inline(always)]
 pub(super) fn epipolar_errors(m: &DMat3, b: &Block) -> [f64; LANES] {
     let (c0, c1, c2) = (m.x_axis, m.y_axis, m.z_axis);
@@ -137,7 +140,7 @@ pub(super) fn epipolar_errors(m: &DMat3, b: &Block) -> [f64; LANES] {
     errors
 }
 
-/// Squared distances in pixels of the second view between `x2` and where `h` sends `x1`.
+/// Returns squared distances in pixels of the second view between `x2` and `h` applied to `x1`.
 #[inline(always)]
 pub(super) fn transfer_errors(h: &DMat3, b: &Block) -> [f64; LANES] {
     let (c0, c1, c2) = (h.x_axis, h.y_axis, h.z_axis);
@@ -152,16 +155,18 @@ pub(super) fn transfer_errors(h: &DMat3, b: &Block) -> [f64; LANES] {
     errors
 }
 
-/// Matches that a cell of the first view holds on average.
+/// Average number of matches in a cell of the first view.
 const PER_CELL: f64 = 3.0;
-/// Cells along a side at most.
+/// Maximum number of cells along a side.
 const MAX_CELLS: f64 = 64.0;
-/// How far apart neighbours may be in the second view, in cells of the first view's grid.
+/// Maximum distance of neighbours in the second view, in cells of the first view's grid.
 const REACH: f64 = 2.0;
 
-/// Indices of the matches that are finite, those first whose neighbours in the first view are neighbours in the second
-/// view too (J. Bian et al., *GMS: Grid-based Motion Statistics for Fast, Ultra-robust Feature Correspondence*, CVPR
-/// 2017, here only to decide which are tried first).
+/// Returns the indices of finite matches, best supported first.
+///
+/// A match is supported if its neighbours in the first view are neighbours in the second view too
+/// (J. Bian et al., *GMS: Grid-based Motion Statistics for Fast, Ultra-robust Feature
+/// Correspondence*, CVPR 2017). Here this only determines which matches are tried first.
 pub(super) fn by_support(cameras: [&Camera; 2], matches_px: &[[DVec2; 2]]) -> Vec<u32> {
     let finite = |&i: &u32| matches_px[i as usize].iter().all(|at| at.is_finite());
     let mut order: Vec<u32> = (0..matches_px.len() as u32).filter(finite).collect();
@@ -182,7 +187,7 @@ pub(super) fn by_support(cameras: [&Camera; 2], matches_px: &[[DVec2; 2]]) -> Ve
     order
 }
 
-/// Matches by the cell of the first view that they are in.
+/// Matches by their cell in the first view.
 struct Grid {
     cells: usize,
     cell_px: f64,
@@ -219,7 +224,8 @@ impl Grid {
     }
 
     fn coordinates(&self, at_px: DVec2) -> [usize; 2] {
-        // A position outside the image counts to the cell at the edge; a negative float becomes 0.
+        // A position outside the image belongs to the cell at the border; a negative float becomes
+        // 0.
         (at_px / self.cell_px)
             .to_array()
             .map(|v| (v as usize).min(self.cells - 1))
@@ -230,7 +236,7 @@ impl Grid {
         row * self.cells + column
     }
 
-    /// Members of the cell of a position and of the eight around it.
+    /// Returns the matches in the cell of a position and in the eight cells around it.
     fn around(&self, at_px: DVec2) -> impl Iterator<Item = &[u32]> {
         let [column, row] = self.coordinates(at_px);
         let columns = column.saturating_sub(1)..=(column + 1).min(self.cells - 1);

@@ -1,4 +1,4 @@
-//! Two views: which matches agree with one motion of the camera, and which motion that is.
+//! Two-view geometry: the motion between two images and the matches that agree with it.
 
 mod estimate;
 mod matched;

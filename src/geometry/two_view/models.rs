@@ -6,16 +6,16 @@ use super::refine::{refine_essential, refine_fundamental};
 use crate::ransac::{Estimator, LANES};
 use crate::solvers::{five_point, homography, homography4, seven_point};
 
-/// What a matrix between rays says of the matches.
+/// A kind of matrix between rays.
 pub(super) trait Relation {
-    /// Matches that fix a matrix.
+    /// Number of matches that determine a matrix.
     const SAMPLE: usize;
 
-    /// Appends all matrices that satisfy the matches at the places of a sample.
+    /// Appends all matrices that satisfy the matches of a sample.
     fn fit(matched: &Matched, sample: &[usize], found: &mut Vec<DMat3>);
-    /// Squared errors in pixels.
+    /// Returns squared errors in pixels.
     fn errors(m: &DMat3, block: &Block) -> [f64; LANES];
-    /// A matrix near `start` that fits better what agrees with it.
+    /// Returns a matrix near `start` that fits its inliers better.
     fn refine(matched: &Matched, start: &DMat3) -> Option<DMat3>;
 }
 
@@ -28,7 +28,7 @@ pub(super) struct Homography;
 /// `x2 ~ R x1` with a rotation.
 pub(super) struct Rotation;
 
-/// The search for a matrix of a kind that many matches agree with.
+/// RANSAC estimator for one kind of matrix.
 pub(super) struct Agreement<'a, R>(pub &'a Matched, pub R);
 
 impl<R: Relation> Estimator for Agreement<'_, R> {
@@ -60,7 +60,7 @@ impl<R: Relation> Estimator for Agreement<'_, R> {
     }
 }
 
-/// Places of the matches that agree with a matrix.
+/// Returns the indices of the matches that agree with a matrix.
 fn agreeing<R: Relation>(matched: &Matched, m: &DMat3) -> Vec<u32> {
     matched.within(|block| R::errors(m, block))
 }
@@ -69,8 +69,10 @@ fn sample_of<const N: usize>(matched: &Matched, sample: &[usize]) -> [[DVec2; 2]
     std::array::from_fn(|i| matched.pairs[sample[i]])
 }
 
-/// Whether points of a sample can all lie in front of both cameras: `e2 × x2` and `m x1` then point the same way, or
-/// all the opposite way (O. Chum, T. Werner, J. Matas, *Epipolar Geometry Estimation via RANSAC Benefits from the
+/// Returns whether all points of a sample can lie in front of both cameras.
+///
+/// `e2 × x2` and `m x1` then have the same direction for all points, or the opposite one for all
+/// (O. Chum, T. Werner, J. Matas, *Epipolar Geometry Estimation via RANSAC Benefits from the
 /// Oriented Epipolar Constraint*, ICPR 2004).
 fn in_front(m: &DMat3, pairs: &[[DVec2; 2]]) -> bool {
     let crosses = [
@@ -181,7 +183,8 @@ impl Relation for Rotation {
     }
 
     fn refine(matched: &Matched, start: &DMat3) -> Option<DMat3> {
-        // W. Kabsch, *A solution for the best rotation to relate two sets of vectors*, Acta Cryst. A 1976.
+        // W. Kabsch, *A solution for the best rotation to relate two sets of vectors*, Acta Cryst.
+        // A 1976.
         let mut covariance = DMat3::ZERO;
         for place in agreeing::<Self>(matched, start) {
             let [a, b] = matched.pairs[place as usize].map(|ray| ray.extend(1.0).normalize());

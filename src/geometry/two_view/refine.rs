@@ -8,19 +8,19 @@ use crate::epipolar::{cross_matrix, essential_from_pose, poses_from_essential};
 use crate::ransac::LANES;
 use crate::solvers::{Linearised, Problem, minimise};
 
-/// Levenberg–Marquardt steps of one refinement.
+/// Maximum number of Levenberg–Marquardt steps of one refinement.
 const STEPS: usize = 6;
 
-/// A matrix between rays written with as many numbers as it has freedoms.
+/// A matrix between rays, parametrised by as many numbers as it has degrees of freedom.
 trait Chart<const N: usize>: Copy {
     fn matrix(&self) -> DMat3;
     fn slopes(&self) -> [DMat3; N];
     fn moved(&self, step: &[f64; N]) -> Self;
 }
 
-/// Essential matrix near `start` with the least error over what agrees with it.
+/// Refines an essential matrix over its inliers.
 pub(super) fn refine_essential(matched: &Matched, start: DMat3) -> Option<DMat3> {
-    // Any of the four poses makes the same matrix.
+    // All four poses give the same matrix.
     let chart = poses_from_essential(start)?[0];
     Some(essential_from_pose(
         &minimise(
@@ -35,8 +35,9 @@ pub(super) fn refine_essential(matched: &Matched, start: DMat3) -> Option<DMat3>
     ))
 }
 
-/// Fundamental matrix (between rays) near `start` with the least error over what agrees with it within `reach` times the
-/// threshold.
+/// Refines a fundamental matrix (between rays) over the matches near it.
+///
+/// Matches within `reach` times the threshold are used.
 pub(super) fn refine_fundamental(matched: &Matched, start: DMat3, reach: f64) -> Option<DMat3> {
     let limit = reach * reach * matched.limit;
     Some(
@@ -92,8 +93,9 @@ impl<const N: usize, C: Chart<N>> Problem<N> for Fit<'_, C> {
     }
 }
 
-/// Sampson's error of all matches under Tukey's biweight, which counts nothing beyond the limit, by the nine entries of
-/// the matrix (column by column).
+/// Sampson error of all matches under Tukey's biweight, by the nine entries of the matrix.
+///
+/// Entries are column by column. Errors beyond the limit have no influence.
 struct Sampson<'a> {
     matched: &'a Matched,
     matrix: DMat3,
@@ -117,7 +119,7 @@ impl WithSimd for Sampson<'_> {
     }
 }
 
-/// [`Linearised`] in eight lanes; of the normal matrix the lower half, row by row.
+/// [`Linearised`] in eight lanes; of the normal matrix only the lower half, row by row.
 struct Sums {
     cost: [f64; LANES],
     gradient: [[f64; LANES]; 9],
@@ -180,7 +182,10 @@ impl Sums {
     }
 }
 
-/// Derivatives of one match's error by the nine entries, the error itself, and 1 less its square over the limit.
+/// Returns the derivatives of one match's error, the error, and the weight term.
+///
+/// The derivatives are by the nine entries. The weight term is 1 minus the squared error over the
+/// limit.
 #[inline(always)]
 fn slope(
     m: &DMat3,
@@ -246,8 +251,10 @@ impl Chart<5> for Pose {
     }
 }
 
-/// `U diag(1, ratio, 0) Vᵀ` (A. Bartoli, P. Sturm, *Nonlinear Estimation of the Fundamental Matrix with Minimal
-/// Parameters*, PAMI 2004).
+/// The parametrisation `U diag(1, ratio, 0) Vᵀ`.
+///
+/// A. Bartoli, P. Sturm, *Nonlinear Estimation of the Fundamental Matrix with Minimal Parameters*,
+/// PAMI 2004.
 #[derive(Clone, Copy)]
 struct Rank2 {
     u: DMat3,

@@ -25,7 +25,7 @@ fn in_picture(random: &mut Pcg64Mcg) -> DVec2 {
     )
 }
 
-/// Roughly normal, of a given standard deviation.
+/// Returns roughly normal noise of a given standard deviation.
 fn noise(random: &mut Pcg64Mcg, px: f64) -> DVec2 {
     let one =
         |random: &mut Pcg64Mcg| (0..12).map(|_| random.random_range(-0.5..0.5)).sum::<f64>() * px;
@@ -45,7 +45,9 @@ struct Made {
     good: Vec<bool>,
 }
 
-/// Matches of points at a depth that is asked for each ray of the first camera, mixed with `bad` random ones.
+/// Returns matches of points, mixed with `bad` random ones.
+///
+/// `depth` is called for each ray of the first camera.
 fn made(
     seed: u64,
     good: usize,
@@ -92,7 +94,7 @@ fn plane(_: f64, ray: DVec2) -> f64 {
     5.0 / DVec3::new(0.3, 0.2, 1.0).dot(ray.extend(1.0))
 }
 
-/// Rotation error and error of the translation's direction, in degrees.
+/// Returns the errors of the rotation and of the translation's direction, in degrees.
 fn errors(found: &Pose, truth: &Pose) -> [f64; 2] {
     [
         found.rotation.angle_between(truth.rotation),
@@ -124,7 +126,7 @@ fn assert_inliers(found: &TwoView, made: &Made) {
 }
 
 #[test]
-fn half_of_the_matches_wrong_and_the_motion_is_found() {
+fn motion_is_estimated_with_half_outliers() {
     for seed in 0..20 {
         let made = made(seed, 200, 200, [&FIRST; 2], &sideways(), deep);
         let found = estimate_two_view([&FIRST; 2], true, &made.matches, &TwoViewOptions::default())
@@ -145,8 +147,8 @@ fn half_of_the_matches_wrong_and_the_motion_is_found() {
 }
 
 #[test]
-fn nine_of_ten_wrong_among_neighbours_that_agree() {
-    // Points of a surface: what is near in one image is near in the other.
+fn motion_is_estimated_with_nine_of_ten_outliers_if_neighbours_agree() {
+    // Points on a surface: neighbours in one image are neighbours in the other.
     let surface = |_: f64, ray: DVec2| 5.0 + (3.0 * ray.x).sin() + (4.0 * ray.y).cos();
     let made = made(1, 80, 720, [&FIRST; 2], &sideways(), surface);
     let found =
@@ -157,7 +159,7 @@ fn nine_of_ten_wrong_among_neighbours_that_agree() {
 }
 
 #[test]
-fn a_turn_is_told_whatever_the_focal_length() {
+fn rotation_is_recognised_for_any_focal_length() {
     let turn = Pose {
         rotation: DQuat::from_rotation_y(0.12),
         translation: DVec3::ZERO,
@@ -181,7 +183,7 @@ fn a_turn_is_told_whatever_the_focal_length() {
 }
 
 #[test]
-fn a_plane_is_told_from_depth() {
+fn plane_is_distinguished_from_depth() {
     for calibrated in [true, false] {
         let made = made(5, 150, 100, [&FIRST; 2], &sideways(), plane);
         let found = estimate_two_view(
@@ -206,7 +208,7 @@ fn a_plane_is_told_from_depth() {
 }
 
 #[test]
-fn a_turning_camera_is_panoramic() {
+fn rotating_camera_is_panoramic() {
     let turn = Pose {
         translation: DVec3::ZERO,
         ..sideways()
@@ -230,7 +232,7 @@ fn a_turning_camera_is_panoramic() {
 }
 
 #[test]
-fn a_wrong_focal_length_shows_and_leaves_the_inliers() {
+fn wrong_focal_length_is_recognised_and_keeps_the_inliers() {
     let wrong = Camera {
         focal_px: DVec2::splat(900.0),
         ..FIRST
@@ -255,7 +257,7 @@ fn a_wrong_focal_length_shows_and_leaves_the_inliers() {
 }
 
 #[test]
-fn lenses_are_taken_into_account() {
+fn lens_distortion_is_taken_into_account() {
     let bent = Camera {
         distortion: Distortion::Radial { k: [-0.15, 0.02] },
         ..FIRST
@@ -279,7 +281,7 @@ fn lenses_are_taken_into_account() {
 }
 
 #[test]
-fn random_matches_agree_on_nothing() {
+fn random_matches_give_none() {
     for (seed, count) in [(0, 15), (1, 40), (2, 100), (3, 300), (4, 1000), (5, 3000)] {
         for calibrated in [true, false] {
             let made = made(seed, 0, count, [&FIRST; 2], &sideways(), deep);
@@ -295,7 +297,7 @@ fn random_matches_agree_on_nothing() {
 }
 
 #[test]
-fn degenerate_matches_are_none() {
+fn degenerate_matches_give_none() {
     let options = TwoViewOptions::default();
     let same = vec![[DVec2::new(300.0, 200.0), DVec2::new(310.0, 220.0)]; 60];
     let line: Vec<[DVec2; 2]> = (0..60)
@@ -327,7 +329,7 @@ fn degenerate_matches_are_none() {
 }
 
 #[test]
-fn the_same_again_and_nan_matches_are_passed_over() {
+fn result_is_reproducible_and_nan_matches_are_skipped() {
     let made = made(9, 200, 200, [&FIRST; 2], &sideways(), deep);
     let options = TwoViewOptions {
         seed: 4,
@@ -345,7 +347,7 @@ fn the_same_again_and_nan_matches_are_passed_over() {
 }
 
 #[test]
-fn refinement_comes_nearer_to_the_truth() {
+fn refinement_improves_the_estimate() {
     let made = made(10, 300, 0, [&FIRST; 2], &sideways(), deep);
     let matched = matched::Matched::new([&FIRST; 2], &made.matches, 4.0);
     let off = Pose {
@@ -356,7 +358,7 @@ fn refinement_comes_nearer_to_the_truth() {
     let cost = |m: &DMat3| matched.cost(f64::INFINITY, |b| matched::epipolar_errors(m, b));
     let essential = refine::refine_essential(&matched, start).unwrap();
     let fundamental = refine::refine_fundamental(&matched, start, 1.0).unwrap();
-    // Noise of 0.5 px leaves 0.25 px² a match.
+    // Noise of 0.5 px leaves 0.25 px² per match.
     assert!(cost(&start) > 2.0 * cost(&essential) && cost(&essential) < 0.3 * 300.0);
     assert!(cost(&fundamental) < 1.01 * cost(&essential) && fundamental.determinant().abs() < 1e-9);
 }

@@ -1,11 +1,16 @@
-//! A click on a mask that came without clicks and is right but for a few places: what it means lies around it, no thicker than
-//! the click is deep, and all else stays to the pixel. After *Progressive Merge*, where a click on a given mask changes one
-//! connected part around itself (X. Chen et al., "FocalClick: Towards Practical Interactive Image Segmentation", CVPR 2022); the
-//! part is a minimum cut here.
+//! Local corrections of a mask that was not built from clicks.
 //!
-//! Without it, clicks on tracked masks of `bmx-trees`, four a frame, lowered the IoU by 0.015 each on average when they were
-//! answered like clicks that build a mask: a piece of 90 pixels of a wheel's rim is smaller than the smallest region nearby. With
-//! it they raise the IoU by 0.006. With depth, clicks are still answered by regions, which end where depth jumps.
+//! The mask is right except for a few errors. The error that a click marks lies around the click
+//! and is no thicker than the depth of the click. All other pixels stay exactly as they are. The
+//! idea follows *Progressive Merge*, where a click on a given mask changes one connected part
+//! around itself (X. Chen et al., "FocalClick: Towards Practical Interactive Image Segmentation",
+//! CVPR 2022); here the part is found by a minimum cut.
+//!
+//! Answering such clicks like clicks that build a mask made things worse: on tracked masks of
+//! `bmx-trees`, with four clicks per frame, each click lowered the IoU by 0.015 on average. A piece
+//! of 90 pixels of a wheel's rim is smaller than the smallest region nearby. With this module the
+//! clicks raise the IoU by 0.006. With depth, clicks are still answered by regions, which end where
+//! depth jumps.
 
 use glam::DVec2;
 use rayon::prelude::*;
@@ -15,33 +20,37 @@ use crate::lab::{lab_of_pixel, squared_difference};
 use crate::{Click, Connectivity, Region, components, squared_distance_to};
 use ostra_frames::Image;
 
-/// Where a click looks and what it believes; lengths in pixels of the reduced picture.
+/// Parameters of a local correction; lengths in pixels of the reduced image.
 struct CorrectionOptions {
     /// Half the side of the square around the click in which pixels may change.
     reach_px: f32,
-    /// Bounds of the depth of a click: its distance from the mask's border where it is on its own side. It limits how thick the
-    /// change may be, because users click in the middle of what is wrong: without it a click 20 pixels from the mask took
-    /// 4,700 pixels where 140 were meant. Beyond 8 pixels it says little: most errors of tracked masks are small and not
+    /// Bounds of the click's depth, its distance from the nearest pixel on its side.
+    ///
+    /// The depth limits how thick the change may be, because users click in the middle of an error.
+    /// Without it, a click 20 pixels from the mask added 4,700 pixels where 140 were meant. Depths
+    /// beyond 8 pixels carry little information: most errors of tracked masks are small and not
     /// connected to the mask.
     depth_px: (f32, f32),
-    /// What is certain to be meant: radius in depths of the click.
+    /// Radius around the click within which pixels certainly change, in click depths.
     certain: f32,
-    /// Where the pixels begin and end whose colours are those of what stays: distance from the click, in depths and pixels more.
+    /// Inner and outer radius of the ring whose colours stay: (click depths, plus pixels).
     stays: [(f32, f32); 2],
-    /// Standard deviation of colours that are alike, ΔE.
+    /// Standard deviation of similar colours, ΔE.
     alike_delta_e: f32,
-    /// Likelihood of a colour met nowhere.
+    /// Likelihood of a colour that occurs nowhere in the samples.
     rare: f32,
-    /// Log odds against a pixel for each depth of its distance from the click.
+    /// Penalty per click depth of distance from the click, log odds.
     fading: f32,
-    /// How thick the change is for sure, in depths, and the log odds against what is thicker by one depth.
+    /// Penalty-free thickness of the change in click depths; penalty per further depth, log odds.
     thick: (f32, f32),
-    /// Price of an outline, log odds per pixel side on even colour.
+    /// Cost of the outline on even colour, log odds per pixel side.
     outline: f32,
 }
 
-/// Variants that gain more pixels per click on average (a single depth for the limit, colours of the mask next to the click as well)
-/// do harm more often.
+/// Values chosen for few harmful clicks.
+///
+/// Variants that gain more pixels per click on average do harm more often. Tried: a single depth as
+/// the limit, and colours of the mask next to the click as additional samples.
 const OPTIONS: CorrectionOptions = CorrectionOptions {
     reach_px: 40.0,
     depth_px: (1.5, 8.0),
@@ -54,17 +63,22 @@ const OPTIONS: CorrectionOptions = CorrectionOptions {
     outline: 1.5,
 };
 
-/// Most colours that a likelihood is estimated from.
+/// Maximum number of colours from which a likelihood is estimated.
 const SAMPLES: usize = 100;
-/// Largest log odds by colour.
+/// Maximum log odds by colour.
 const CLEAR: f32 = 3.0;
-/// Log odds of what is certain.
+/// Log odds of pixels whose side is certain.
 const CERTAIN: f32 = 1e3;
 
-/// The mask `previous` with the one place corrected that the last of `clicks` means; as it is where the click says nothing new.
-/// What is `taken` and what earlier clicks said otherwise of stays. Lengths grow with `factor`, by which the picture is larger
-/// than what is worked on. `None` where nothing near the click is on its side: then it is no place of the mask's border, but a
-/// part of its own.
+/// Returns `previous` with the one error corrected that the last of `clicks` marks.
+///
+/// Only `taken` is removed if the clicked pixel is taken or on the click's side already. Pixels in
+/// `taken` and pixels fixed by earlier opposite clicks do not change. `factor` is the scale of
+/// `image` relative to the reduced image; all lengths are multiplied by it.
+///
+/// Returns `None` if no pixel near the click is on its side, or if there is no click in the image.
+/// In the first case, the click then marks a separate part rather than an error of the mask's
+/// border.
 pub(super) fn corrected(
     image: &Image,
     factor: usize,
@@ -92,7 +106,7 @@ pub(super) fn corrected(
     Some(answer)
 }
 
-/// A click on a mask.
+/// A click on a mask, with the state it is applied to.
 #[derive(Clone, Copy)]
 struct Correction<'a> {
     mask: &'a Region,
@@ -102,24 +116,26 @@ struct Correction<'a> {
     taken: Option<&'a Region>,
 }
 
-/// The surroundings of a click; all but the window's places by its pixels, row by row.
+/// The surroundings of a click. All vectors have one entry per pixel of the window, row by row.
 struct Site {
     window: Window,
     places: Vec<usize>,
     lab: Vec<[f32; 3]>,
-    /// Which pixels may change.
+    /// Whether the pixel may change.
     open: Vec<bool>,
-    /// Distance to the click, and to what is on its side already, in depths of the click.
+    /// Distance to the click, in click depths.
     apart: Vec<f32>,
+    /// Distance to the nearest pixel on the click's side, in click depths.
     thick: Vec<f32>,
-    /// Depth of the click and of one pixel of the reduced picture, pixels.
+    /// Depth of the click, pixels.
     depth_px: f32,
+    /// Side of a pixel of the reduced image, pixels.
     unit_px: f32,
-    /// Which of the pixels is clicked.
+    /// Index of the clicked pixel.
     clicked: usize,
 }
 
-/// What lies within `reach_px` of a place, inside the image.
+/// Returns the window of radius `reach_px` around a position, clipped to the image.
 fn window_around(at_px: DVec2, reach_px: f64, image: &Image) -> Window {
     let first = |at: f64| (at - reach_px).max(0.0) as usize;
     let end = |at: f64, size: u32| ((at + reach_px) as usize + 1).min(size as usize);
@@ -203,7 +219,7 @@ impl Site {
         })
     }
 
-    /// The pixels to change: the part of the cheapest cut that the click lies in.
+    /// Returns the pixels to change: the connected part of the minimum cut that contains the click.
     fn change(&self) -> Vec<usize> {
         let local = Window {
             left: 0,
@@ -235,7 +251,7 @@ impl Site {
             .collect()
     }
 
-    /// Log odds that a pixel is meant.
+    /// Returns the log odds that each pixel changes.
     fn odds(&self) -> Vec<f32> {
         let unit = self.unit_px / self.depth_px;
         let certain = OPTIONS.certain.max(unit);
@@ -256,7 +272,7 @@ impl Site {
         (0..self.places.len()).into_par_iter().map(of).collect()
     }
 
-    /// Some of the colours of open pixels, by their distance from the click.
+    /// Returns at most [`SAMPLES`] colours of open pixels whose distance to the click is accepted.
     fn sampled(&self, is_wanted: impl Fn(f32) -> bool) -> Vec<[f32; 3]> {
         let wanted: Vec<usize> = (0..self.places.len())
             .filter(|&at| self.open[at] && is_wanted(self.apart[at]))
@@ -269,7 +285,7 @@ impl Site {
     }
 }
 
-/// How often a colour is met among others, 0–1.
+/// Returns how common a colour is among the samples, 0–1.
 fn likelihood(lab: [f32; 3], samples: &[[f32; 3]]) -> f32 {
     let spread = 2.0 * OPTIONS.alike_delta_e * OPTIONS.alike_delta_e;
     let sum: f32 = samples

@@ -1,4 +1,4 @@
-//! The segmenter that needs no weights: a graph cut over small regions, seeded by clicks and boxes.
+//! Segmenter without network weights: a graph cut over small regions, seeded by clicks and boxes.
 
 mod appearance;
 mod box_filter;

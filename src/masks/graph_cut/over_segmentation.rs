@@ -1,8 +1,10 @@
-//! Over-segmentation: pixels are joined to some thousand small regions that respect edges.
+//! Over-segmentation: joins pixels to a few thousand small regions that respect edges.
 //!
-//! First neighbours of nearly equal colour are joined to specks of a few pixels (Kruskal with a size cap), then the
-//! pairs that are each other's best match are merged again and again (reciprocal nearest neighbours) by the growth of
-//! squared error (Ward, "Hierarchical grouping to optimize an objective function", JASA 1963) in colour, place and depth.
+//! First, neighbouring pixels of nearly equal colour are joined to specks of a few pixels (Kruskal
+//! with a size cap). Then pairs of regions that are each other's best match are merged repeatedly
+//! (reciprocal nearest neighbours). The cost of a merge is the growth of the squared error in
+//! colour, position and depth (Ward, "Hierarchical grouping to optimize an objective function",
+//! JASA 1963).
 
 use rayon::prelude::*;
 
@@ -12,14 +14,14 @@ use crate::lab::squared_difference;
 use ostra_core::union_find::DisjointSets;
 use ostra_frames::DepthMap;
 
-/// How fine the over-segmentation is.
+/// Parameters of the over-segmentation.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RegionOptions {
     /// Mean area of a region, pixels.
     pub area_px: usize,
-    /// ΔE² that one pixel² of distance is worth; higher = rounder regions.
+    /// ΔE² per squared pixel of distance; higher values give rounder regions.
     pub compactness: f32,
-    /// ΔE that a relative depth difference of 1 is worth.
+    /// ΔE per unit of relative depth difference.
     pub depth_weight: f32,
 }
 
@@ -40,14 +42,14 @@ pub(super) struct Border {
     pub b: u32,
     /// Pixel sides along the border.
     pub length: f32,
-    /// Sum of the edge strengths along it.
+    /// Sum of the edge strengths along the border.
     pub strength_sum: f32,
 }
 
-/// What Ward's criterion needs of a region.
+/// Statistics of a region for Ward's criterion.
 #[derive(Debug, Clone, Copy, Default)]
 struct Node {
-    /// Pixels, each counted as often as its surroundings are to be distinguished finer than elsewhere.
+    /// Area in pixels. Pixels count more than once where finer regions are needed.
     area: f32,
     lab: [f32; 3],
     at: [f32; 2],
@@ -55,14 +57,14 @@ struct Node {
     depth_area: f32,
 }
 
-/// Region number of every pixel and the borders between regions (`a < b`, ordered).
+/// Region index of every pixel, and the borders between regions (`a < b`, ordered).
 pub(super) struct Partition {
     pub of_pixel: Vec<u32>,
     pub count: usize,
     pub borders: Vec<Border>,
 }
 
-/// Splits a picture into regions.
+/// Splits an image into regions.
 pub(super) fn partition(
     lab: &[[f32; 3]],
     depth: Option<(&DepthMap, &Surfaces)>,
@@ -99,7 +101,7 @@ pub(super) fn partition(
     }
 }
 
-/// Joins neighbouring pixels of like colour, most alike first, to specks of at most [`SPECK_PX`] pixels.
+/// Joins similar neighbouring pixels, most similar first, to specks of at most [`SPECK_PX`] pixels.
 fn specks(edges: &EdgeMap, surfaces: Option<&Surfaces>, width: usize) -> Vec<u32> {
     const SPECK_PX: u8 = 9;
     const LEVELS_PER_DELTA_E: f32 = 6.0;
@@ -147,7 +149,7 @@ fn specks(edges: &EdgeMap, surfaces: Option<&Surfaces>, width: usize) -> Vec<u32
     sets.into_roots()
 }
 
-/// Renumbers to 0, 1, … in order of first appearance; the number of numbers.
+/// Renumbers to 0, 1, … in order of first appearance; returns how many numbers there are.
 fn compact(numbers: &mut [u32]) -> usize {
     let mut new = vec![u32::MAX; numbers.len()];
     let mut count = 0u32;
@@ -162,17 +164,17 @@ fn compact(numbers: &mut [u32]) -> usize {
     count as usize
 }
 
-/// What is known of the pixels of an image.
+/// Per-pixel input of the over-segmentation.
 struct Pixels<'a> {
     lab: &'a [[f32; 3]],
     depth: Option<&'a DepthMap>,
-    /// What each pixel counts.
+    /// Weight of each pixel.
     fineness: Option<&'a [f32]>,
     width: usize,
 }
 
 impl Pixels<'_> {
-    /// The sums over each of `count` groups of pixels.
+    /// Returns the statistics of each of `count` groups of pixels.
     fn nodes(&self, of_pixel: &[u32], count: usize) -> Vec<Node> {
         let mut nodes = vec![Node::default(); count];
         for (at, &node) in of_pixel.iter().enumerate() {
@@ -208,7 +210,7 @@ fn joined(a: &Node, b: &Node) -> Node {
     }
 }
 
-/// Borders of the regions in `of_pixel`, grouped.
+/// Returns the borders between the regions in `of_pixel`, one per pair.
 fn borders_of(of_pixel: &[u32], edges: &EdgeMap, width: usize) -> Vec<Border> {
     let rows: Vec<Vec<Border>> = of_pixel
         .par_chunks_exact(width)
@@ -244,7 +246,7 @@ fn borders_of(of_pixel: &[u32], edges: &EdgeMap, width: usize) -> Vec<Border> {
     borders
 }
 
-/// Orders borders and joins those of the same two regions.
+/// Sorts borders and joins those between the same two regions.
 fn group(borders: &mut Vec<Border>) {
     borders.par_sort_by_key(|border| (border.a, border.b));
     borders.dedup_by(|next, kept| {
@@ -257,14 +259,14 @@ fn group(borders: &mut Vec<Border>) {
     });
 }
 
-/// What merging gave.
+/// Result of merging.
 struct Merged {
-    /// The region of each node.
+    /// Region of each node.
     of_node: Vec<u32>,
     borders: Vec<Border>,
 }
 
-/// Merges down to `target` regions; the region of every node, and the borders left.
+/// Merges nodes until `target` regions are left; returns the region of every node and the borders.
 fn merge(
     mut nodes: Vec<Node>,
     mut borders: Vec<Border>,
@@ -291,7 +293,8 @@ fn merge(
         }
         let count = compact(&mut new);
         let mut kept = vec![Node::default(); count];
-        // Going down, the lower number of a pair, which holds the joined node, is written last.
+        // In reverse order, the lower number of a pair, which holds the joined node, is written
+        // last.
         (0..nodes.len())
             .rev()
             .for_each(|node| kept[new[node] as usize] = nodes[node]);
@@ -323,7 +326,7 @@ fn cost(nodes: &[Node], border: &Border, options: &RegionOptions) -> f32 {
     a.area * b.area / (a.area + b.area) * error * (0.3 + strength)
 }
 
-/// Borders whose two regions are each other's cheapest partner.
+/// Returns the borders whose two regions are each other's cheapest partner.
 fn mutual_best(borders: &[Border], costs: &[f32], nodes: usize) -> Vec<usize> {
     let mut best = vec![u32::MAX; nodes];
     for (at, border) in borders.iter().enumerate() {
@@ -347,7 +350,7 @@ mod tests {
     use crate::graph_cut::edge_map::edge_map;
 
     #[test]
-    fn regions_never_cross_a_clear_border_even_of_a_thin_stripe() {
+    fn regions_do_not_cross_the_border_of_a_thin_stripe() {
         let (width, height) = (90usize, 60usize);
         let is_stripe = |at: usize| (40..43).contains(&(at % width));
         let lab: Vec<[f32; 3]> = (0..width * height)

@@ -1,4 +1,4 @@
-//! From prompts to an answer: every click changes one connected part of the last answer.
+//! From prompts to an answer: every click changes one connected part of the previous answer.
 
 use std::sync::Arc;
 
@@ -14,12 +14,12 @@ use crate::{Click, MaskError, PreparedFrame, PxBox, Region, SegmentRequest};
 use ostra_core::job::Progress;
 use ostra_frames::Image;
 
-/// A frame with everything worked out that no prompt is needed for.
+/// A frame with everything computed that does not depend on a prompt.
 pub(super) struct Prepared {
     pub raster: Raster,
     pub graph: RegionGraph,
     pub palette: Palette,
-    /// The picture, where there is no depth by which to tell things apart.
+    /// The image, if there is no depth that could separate objects.
     pub flat: Option<Arc<Image>>,
 }
 
@@ -35,7 +35,7 @@ impl PreparedFrame for Prepared {
             previous,
             taken,
         } = *request;
-        // With an answer to refine only the last click is new.
+        // If there is a previous answer, only the last click is new.
         if let (Some(previous), Some(last)) = (previous, prompt.clicks.len().checked_sub(1)) {
             let flat = self.flat.as_ref().filter(|_| prompt.corrects);
             let corrected = flat.and_then(|image| {
@@ -63,7 +63,9 @@ impl PreparedFrame for Prepared {
 }
 
 impl Prepared {
-    /// The `previous` answer, to the clicks before `at`, refined by the click there; later clicks are not looked at.
+    /// Refines `previous`, the answer to the clicks before `at`, by the click at `at`.
+    ///
+    /// Later clicks are ignored.
     fn refined(
         &self,
         previous: &Region,
@@ -128,7 +130,7 @@ impl Prepared {
     }
 }
 
-/// An answer in the making.
+/// An answer under construction.
 pub(super) struct Query<'a> {
     raster: &'a Raster,
     graph: &'a RegionGraph,
@@ -137,9 +139,9 @@ pub(super) struct Query<'a> {
     taken: Option<&'a Region>,
     /// Regions mostly taken by other labels.
     closed: Vec<bool>,
-    /// Which regions are (mostly) in the answer.
+    /// Whether each region is (mostly) in the answer.
     pub inside: Vec<bool>,
-    /// Regions that a prompt decided; the others keep their pixels of the previous answer.
+    /// Regions that a prompt decided; all others keep their pixels of the previous answer.
     decided: Vec<bool>,
     clicks: Vec<(Click, u32)>,
 }
@@ -167,13 +169,13 @@ impl<'a> Query<'a> {
         }
     }
 
-    /// Takes an earlier answer as it is.
+    /// Starts from an earlier answer.
     pub fn start_from(&mut self, previous: &'a Region) {
         self.previous = Some(previous);
         self.inside = self.raster.mostly(previous);
     }
 
-    /// Takes the object in each box.
+    /// Adds the object in each box.
     pub fn add_boxes(&mut self, boxes: &[PxBox]) {
         let factor = self.raster.factor as f64;
         for within in boxes {
@@ -192,7 +194,7 @@ impl<'a> Query<'a> {
         }
     }
 
-    /// Notes an earlier click, which holds even where the answer started from says otherwise.
+    /// Records an earlier click and enforces it where the initial answer contradicts it.
     pub fn add_known_click(&mut self, click: &Click) {
         let at = self.note(click);
         let holds = self.previous.is_some_and(|previous| {
@@ -204,7 +206,7 @@ impl<'a> Query<'a> {
         }
     }
 
-    /// Answers a new click: changes the answer around it where it says otherwise.
+    /// Applies a new click: changes the answer around it if the answer contradicts it.
     pub fn add_click(&mut self, click: &Click) {
         self.note_new_click(click);
         if let Some(change) = self.context().and_then(|context| chosen(&context)) {
@@ -212,7 +214,7 @@ impl<'a> Query<'a> {
         }
     }
 
-    /// Notes a new click without answering it; its region is on one side as a whole from now on.
+    /// Records a new click without applying it. From now on its whole region is on one side.
     pub fn note_new_click(&mut self, click: &Click) {
         let at = self.note(click);
         self.decided[at] |= !click.include || !self.closed[at];
@@ -236,7 +238,7 @@ impl<'a> Query<'a> {
         }
     }
 
-    /// What the last click finds; `None` where it changes nothing.
+    /// Returns the context of the last click, or `None` if the click changes nothing.
     pub fn context(&self) -> Option<ClickContext<'_>> {
         let (click, region) = self.clicks.last()?;
         let at = *region as usize;
@@ -258,7 +260,7 @@ impl<'a> Query<'a> {
             .flatten()
     }
 
-    /// The answer as pixels.
+    /// Returns the answer as pixels.
     pub fn answer(self) -> Region {
         let (width, height) = (self.raster.width, self.raster.height);
         let mut answer = Region::empty(width as u32, height as u32);
@@ -278,7 +280,7 @@ impl<'a> Query<'a> {
         answer
     }
 
-    /// A region clicked for both sides is shared out: every pixel goes with the nearest click.
+    /// Splits each region that has clicks of both kinds: every pixel goes with the nearest click.
     fn split_contested(&self, answer: &mut Region) {
         let contested = |region: u32| {
             let here = || self.clicks.iter().filter(|(_, other)| *other == region);
@@ -313,7 +315,7 @@ impl<'a> Query<'a> {
     }
 }
 
-/// The change that the click of a context most likely means.
+/// Returns the change that the click most likely means.
 fn chosen(context: &ClickContext<'_>) -> Option<Vec<bool>> {
     let mut found = candidates(context, &CandidateOptions::default());
     let terms: Vec<_> = found

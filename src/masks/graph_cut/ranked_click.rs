@@ -1,4 +1,4 @@
-//! A click with all of its candidates, for fitting the weights that rank them.
+//! Clicks with all of their candidates, for fitting the weights that rank them.
 
 use std::sync::Arc;
 
@@ -10,17 +10,17 @@ use crate::{Click, MaskError, Region};
 use ostra_core::job::Progress;
 use ostra_frames::{DepthMap, Image};
 
-/// A frame prepared for clicks whose candidates are chosen by the caller.
+/// A frame prepared for clicks whose candidate is chosen by the caller.
 pub struct RankedFrame(Prepared);
 
-/// A click to answer.
+/// A click to apply.
 #[derive(Debug, Clone, Copy)]
 pub struct RankedClick<'a> {
     /// The click.
     pub click: Click,
-    /// Earlier clicks for the object, and those for other objects as exclude clicks.
+    /// Earlier clicks on the object, and clicks on other objects as exclude clicks.
     pub earlier: &'a [Click],
-    /// The answer before; `None` for the first click.
+    /// Answer before this click; `None` for the first click.
     pub previous: Option<&'a Region>,
     /// Pixels that belong to other objects and may not be taken.
     pub taken: &'a Region,
@@ -29,11 +29,11 @@ pub struct RankedClick<'a> {
 /// The candidates of a click.
 #[derive(Debug, Clone)]
 pub struct ClickCandidates {
-    /// The kind of the click.
+    /// Kind of the click.
     pub kind: Kind,
-    /// Per candidate, which regions change.
+    /// Which regions change, per candidate.
     pub changes: Vec<Vec<bool>>,
-    /// Per candidate, the terms of its score.
+    /// Terms of the score, per candidate.
     pub terms: Vec<[f32; TERMS]>,
     /// IoU of every two candidates.
     pub shared: Vec<Vec<f32>>,
@@ -43,7 +43,7 @@ impl RankedFrame {
     /// Prepares a frame as [`BuiltinSegmenter`](super::BuiltinSegmenter) does.
     ///
     /// # Errors
-    /// As there.
+    /// Same as [`BuiltinSegmenter`](super::BuiltinSegmenter).
     pub fn new(
         image: &Arc<Image>,
         depth: Option<&DepthMap>,
@@ -52,22 +52,24 @@ impl RankedFrame {
         prepare(image, depth, progress).map(Self)
     }
 
-    /// The region that each pixel belongs to, row by row.
+    /// Returns the region of each pixel, row by row.
     #[must_use]
     pub fn region_of_pixel(&self) -> &[u32] {
         &self.0.raster.of_pixel
     }
 
-    /// Number of regions.
+    /// Returns the number of regions.
     #[must_use]
     pub fn region_count(&self) -> usize {
         self.0.graph.region_count()
     }
 
-    /// Answers a click with the candidate that `choose` picks; it is not asked where the click changes nothing.
+    /// Applies a click with the candidate that `choose` picks.
+    ///
+    /// `choose` is not called if the click changes nothing.
     ///
     /// # Panics
-    /// When it picks none of the candidates.
+    /// Panics if `choose` returns an index that is out of range.
     pub fn answer(
         &self,
         request: &RankedClick<'_>,

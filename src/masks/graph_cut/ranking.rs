@@ -1,16 +1,18 @@
-//! Which candidate a click most likely means.
+//! Ranks the candidates of a click.
 
 use super::candidate_features::{FEATURES, Features};
 use super::click_context::ClickContext;
 
-/// Features whose squares count too, scaled by [`SQUARE_SCALE`].
+/// Features whose squares are terms as well, scaled by [`SQUARE_SCALE`].
 const SQUARED: [usize; 5] = [1, 2, 3, 9, 12];
 const SQUARE_SCALE: f32 = 0.3;
 
 /// Number of terms of a score.
 pub const TERMS: usize = FEATURES + SQUARED.len();
 
-/// The kinds of clicks, each with weights of its own: without depth, then with depth.
+/// Kind of a click; each kind has its own weights.
+///
+/// Kinds without depth come first, then those with depth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// The first include click of an object, without depth.
@@ -30,14 +32,20 @@ pub enum Kind {
 /// Score weights: one row per [`Kind`], one weight per term.
 pub type Weights = [[f32; TERMS]; 6];
 
-/// Fitted by `tests/bench/segmenter_fit`: one row per [`Kind`], one weight per term. With depth: on a real shelf, views of synthetic
-/// plants (seeds 2–11) and bricks. The last feature's is set by hand and to be kept when all are fitted again: without depth, a late
-/// click rarely means a great part of the answer (−1 over `SHARPNESS` but for the first click), and a fit to the mean gain
-/// of all clicks hardly sees the few that take one away or bring one.
+/// Fitted weights: one row per [`Kind`], one weight per term.
 ///
-/// Without that weight some clicks without depth removed a torso or a head together with what they meant. Clicks of rival
-/// labels count for it, since a prompt does not distinguish them, and bringing back what one click removed is as expensive. With
-/// depth, which shows where an object ends, it brought nothing (`cargo bench --bench segmenter -- davis shelf`).
+/// Fitted by `tests/bench/segmenter_fit`. With depth, it was fitted on a real shelf, on views of
+/// synthetic plants (seeds 2–11) and on bricks.
+///
+/// The weight of the last feature is set by hand and must be kept when all others are fitted again.
+/// Without depth, a late click rarely means a large part of the answer (−1 over `SHARPNESS`, except
+/// for the first click). A fit to the mean gain of all clicks hardly notices the few clicks that
+/// remove or add such a part.
+///
+/// Without that weight, some clicks without depth removed a torso or a head together with the
+/// error. The weight also applies to clicks of rival labels, since a prompt does not distinguish
+/// them, and restoring what one click removed costs as much. With depth, which shows where an
+/// object ends, it had no effect (`cargo bench --bench segmenter -- davis shelf`).
 #[rustfmt::skip]
 pub const WEIGHTS: Weights = [
     [-37.7001, 0.1882, -0.8458, 0.6662, -18.3394, 0.0000, -7.1185, 1.2843, -1.8756, 0.0341, -0.5004, 8.8754, 0.1882, 0.0000, 0.0000, 3.6995, 3.0869, -5.2035, -1.1709, -4.7081, 3.0330, 0.0000, 0.0000, 0.0000, 0.0000, 0.0000, -0.0468, -0.0745, -1.3597, 0.0075, -0.2158],
@@ -48,10 +56,10 @@ pub const WEIGHTS: Weights = [
     [-7.2509, -0.0555, -1.0001, 0.5564, -2.2938, 5.0224, 1.3872, 0.1545, 1.0942, 0.0314, -0.3785, 0.1716, -0.0913, -0.1800, -3.4572, 1.0182, -0.3662, -2.9879, -0.0626, 0.5298, -0.2297, 0.6221, 0.7414, 1.8741, -0.1026, 0.0000, 0.0170, -0.4638, -0.6082, 0.0014, 0.0598],
 ];
 
-/// How far the scores are trusted, per [`Kind`]: 0 = all candidates alike, large = the best score alone.
+/// How far scores are trusted, per [`Kind`]: 0 = all candidates equal, large = only the best score.
 const SHARPNESS: [f32; 6] = [0.5, 0.7, 1.0, 0.6, 1.0, 0.5];
 
-/// The kind of the click of a context.
+/// Returns the kind of the click of a context.
 pub(super) fn kind_of(context: &ClickContext<'_>) -> Kind {
     let is_first = context.include && context.area == 0.0;
     match (context.same_thing.is_some(), context.include) {
@@ -64,7 +72,7 @@ pub(super) fn kind_of(context: &ClickContext<'_>) -> Kind {
     }
 }
 
-/// Features and squares, as weighted by a score.
+/// Returns the terms of a score: all features and the selected squares.
 pub(super) fn terms(features: &Features) -> [f32; TERMS] {
     std::array::from_fn(|at| match at.checked_sub(FEATURES) {
         None => features[at],
@@ -72,8 +80,10 @@ pub(super) fn terms(features: &Features) -> [f32; TERMS] {
     })
 }
 
-/// The candidate that, by the chances that the scores of their `terms` give to all, may be expected to share most with
-/// what is meant; `shared` holds the IoU of every two candidates.
+/// Returns the candidate with the highest expected IoU with the intended change.
+///
+/// The scores of the `terms` give the probability of each candidate; `shared` holds the IoU of
+/// every two candidates. Returns `None` if there is no candidate.
 #[must_use]
 pub fn best(
     weights: &Weights,
@@ -94,7 +104,9 @@ pub fn best(
     expected_best(&scores, shared)
 }
 
-/// The index whose mean of `shared`, weighted by softmax of the scores, is largest; the first of equals.
+/// Returns the row of `shared` with the largest mean, weighted by softmax of the scores.
+///
+/// Returns the first such row on ties, and `None` if there is none.
 #[must_use]
 pub fn expected_best(scores: &[f32], shared: &[Vec<f32>]) -> Option<usize> {
     let top = scores.iter().copied().fold(f32::NEG_INFINITY, f32::max);

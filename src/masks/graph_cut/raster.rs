@@ -1,5 +1,7 @@
-//! Which region each pixel belongs to. Large pictures are worked on at a reduced size; there every pixel then joins
-//! the region nearby whose colour it has.
+//! Region of every pixel.
+//!
+//! Large images are processed at a reduced size. At full size, every pixel then joins the nearby
+//! region with the closest colour.
 
 use rayon::prelude::*;
 
@@ -9,28 +11,28 @@ use crate::lab::{lab_of_pixel, squared_difference};
 use ostra_core::job::{Progress, Stopped};
 use ostra_frames::{DepthMap, Image};
 
-/// Pictures with more pixels than this are reduced.
+/// Images with more pixels than this are reduced.
 const MOST_PIXELS: usize = 1_300_000;
 
-/// Pixels of the picture as given and the regions they belong to.
+/// Pixels of the full-size image and the regions they belong to.
 pub(super) struct Raster {
     pub width: usize,
     pub height: usize,
-    /// Side of the square of pixels that is one pixel of the reduced picture.
+    /// Reduction factor: side of the square of pixels that is one pixel of the reduced image.
     pub factor: usize,
     /// Region of every pixel.
     pub of_pixel: Vec<u32>,
-    /// Pixels of each region.
+    /// Area of each region, pixels.
     areas: Vec<u32>,
 }
 
-/// By how much a picture is reduced.
+/// Returns the factor by which an image is reduced.
 pub(super) fn reduction(width: usize, height: usize) -> usize {
     let fits = |factor: &usize| width / factor * (height / factor) <= MOST_PIXELS;
     (1..=width.min(height)).find(fits).unwrap_or(1)
 }
 
-/// The picture with every `factor²` pixels averaged; what is left over at the right and below is cut off.
+/// Averages every `factor²` pixels; an incomplete column or row at the right or bottom is dropped.
 pub(super) fn reduced_image(image: &Image, factor: usize) -> Image {
     let (width, height) = reduced_size(image.width, image.height, factor);
     let mut pixels = vec![[0u8; 3]; width * height];
@@ -56,7 +58,9 @@ pub(super) fn reduced_image(image: &Image, factor: usize) -> Image {
     }
 }
 
-/// The depths in the middle of every `factor²` pixels: means would lie between two surfaces.
+/// Takes the depth in the middle of every `factor²` pixels.
+///
+/// Averages would lie between two surfaces.
 pub(super) fn reduced_depth(depth: &DepthMap, factor: usize) -> DepthMap {
     let (width, height) = reduced_size(depth.width, depth.height, factor);
     let at = |place: usize| {
@@ -78,7 +82,7 @@ fn reduced_size(width: u32, height: u32, factor: usize) -> (usize, usize) {
 }
 
 impl Raster {
-    /// Carries the regions of the reduced picture to `image`.
+    /// Transfers the regions of the reduced image to `image`.
     pub fn new(
         image: &Image,
         factor: usize,
@@ -105,19 +109,19 @@ impl Raster {
         })
     }
 
-    /// The region at a place in the picture as given, pixels.
+    /// Returns the region at a position in the full-size image, pixels.
     pub fn region_at(&self, at_px: glam::DVec2) -> u32 {
         self.of_pixel[self.pixel_at(at_px)]
     }
 
-    /// The pixel at a place in the picture as given.
+    /// Returns the pixel index at a position in the full-size image.
     pub fn pixel_at(&self, at_px: glam::DVec2) -> usize {
         let x = (at_px.x as usize).min(self.width - 1);
         let y = (at_px.y as usize).min(self.height - 1);
         y * self.width + x
     }
 
-    /// Which regions lie mostly inside `mask`.
+    /// Returns which regions lie mostly inside `mask`.
     pub fn mostly(&self, mask: &Region) -> Vec<bool> {
         let mut inside = vec![0u32; self.areas.len()];
         for (&region, &is_inside) in self.of_pixel.iter().zip(&mask.inside) {
@@ -130,7 +134,7 @@ impl Raster {
             .collect()
     }
 
-    /// Bytes held.
+    /// Returns the number of bytes held.
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.of_pixel) + size_of_val(&*self.areas)
     }
@@ -143,7 +147,7 @@ fn enlarged(
     regions: &[RegionStats],
     progress: &Progress,
 ) -> Result<Vec<u32>, Stopped> {
-    // A pixel leaves its place's region only for one whose colour is clearly nearer, ΔE².
+    // Minimum gain for which a pixel leaves the region of its reduced pixel for a neighbour, ΔE².
     const LEAVING: f32 = 25.0;
     let width = image.width as usize;
     let (columns, rows) = reduced_size(image.width, image.height, factor);

@@ -1,4 +1,4 @@
-//! What is measured of each region, and the border between two.
+//! Statistics of regions, and borders between two regions.
 
 use rayon::prelude::*;
 
@@ -10,21 +10,23 @@ use ostra_frames::DepthMap;
 /// Means over one region.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct RegionStats {
-    /// Pixels.
+    /// Area, pixels.
     pub area: f32,
-    /// Mean Lab.
+    /// Mean Lab colour.
     pub lab: [f32; 3],
-    /// Mean Lab of the surface around its pixels; only with depth.
+    /// Mean Lab colour of the surface around its pixels; only with depth.
     pub tone: [f32; 3],
-    /// Spread of lightness around its pixels, L units: low on smooth surfaces, high in texture.
+    /// Standard deviation of lightness around its pixels, L units.
+    ///
+    /// Low on smooth surfaces, high in texture.
     pub texture: f32,
     /// Mean position, pixels.
     pub at: [f32; 2],
-    /// Mean of ln depth; NaN where nothing is known.
+    /// Mean ln depth; NaN where depth is unknown.
     pub ln_depth: f32,
-    /// Whether the depth of nearly all of its pixels was measured, not filled in.
+    /// Whether the depth of nearly all of its pixels was measured rather than filled in.
     pub measured: bool,
-    /// Sides on the picture's border.
+    /// Length on the image's border, pixel sides.
     pub rim: f32,
 }
 
@@ -33,13 +35,13 @@ pub(super) struct RegionStats {
 pub(super) struct Edge {
     pub a: u32,
     pub b: u32,
-    /// Pixel sides.
+    /// Length, pixel sides.
     pub length: f32,
-    /// Chance that an object ends here, 0–1.
+    /// Probability that an object ends here, 0–1.
     pub strength: f32,
 }
 
-/// The means of every region.
+/// Returns the statistics of every region.
 pub(super) fn stats(
     partition: &Partition,
     lab: &[[f32; 3]],
@@ -91,10 +93,10 @@ pub(super) fn stats(
     regions
 }
 
-/// Reach of the surface mean that gives a region its tone, pixels.
+/// Radius of the surface mean that gives a region its tone, pixels.
 pub(super) const TONE_RADIUS_PX: usize = 3;
 
-/// Sets each region's tone from the surface means of its pixels.
+/// Sets the tone of each region to the mean over its pixels of `smooth`.
 pub(super) fn set_tones(regions: &mut [RegionStats], partition: &Partition, smooth: &[[f32; 3]]) {
     for (&of, smooth) in partition.of_pixel.iter().zip(smooth) {
         let region = &mut regions[of as usize];
@@ -102,7 +104,7 @@ pub(super) fn set_tones(regions: &mut [RegionStats], partition: &Partition, smoo
     }
 }
 
-/// Sets which regions have a depth that was measured.
+/// Marks the regions whose depth was measured.
 pub(super) fn set_measured(
     regions: &mut [RegionStats],
     partition: &Partition,

@@ -13,7 +13,7 @@ use crate::{MaskError, PreparedFrame, Segmenter};
 use ostra_core::job::Progress;
 use ostra_frames::{DepthMap, Image};
 
-/// Graph cut over colour, texture and, where there is depth, depth edges; needs no weights.
+/// Graph cut over colour, texture and, if available, depth edges; needs no network weights.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct BuiltinSegmenter;
 
@@ -36,7 +36,7 @@ impl Segmenter for BuiltinSegmenter {
     }
 }
 
-/// All that is done once per frame.
+/// Computes everything that depends only on the frame, once per frame.
 pub(super) fn prepare(
     image: &Arc<Image>,
     depth: Option<&DepthMap>,
@@ -70,7 +70,7 @@ pub(super) fn prepare(
     )
 }
 
-/// Works on `reduced`, then carries the regions to `image`, which is `factor` times as large.
+/// Computes regions on `reduced`, then transfers them to `image`, which is `factor` times as large.
 fn prepare_reduced(
     image: &Arc<Image>,
     reduced: &Image,
@@ -95,7 +95,7 @@ fn prepare_reduced(
         jumps.as_ref().map(|(jumps, surfaces)| (jumps, *surfaces)),
     );
     progress.step(2, STAGES)?;
-    // Depth separates things too small for colour, which need regions of their own.
+    // Depth separates objects too small for colour; they need regions of their own.
     let area_px = RegionOptions::default().area_px;
     let options = RegionOptions {
         area_px: if depth.is_some() {

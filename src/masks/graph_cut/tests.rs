@@ -11,7 +11,7 @@ use ostra_frames::{DepthMap, Image};
 const WIDTH: u32 = 160;
 const HEIGHT: u32 = 120;
 
-/// A picture of noisy colours chosen per pixel.
+/// Returns a noisy image with a colour chosen per pixel.
 fn picture(width: u32, height: u32, color: impl Fn(u32, u32) -> [u8; 3]) -> Arc<Image> {
     let pixel = |at: u32| {
         let noise = (at.wrapping_mul(2_654_435_761) >> 28) as u8;
@@ -83,7 +83,7 @@ fn iou(answer: &Region, truth: impl Fn(u32, u32) -> bool) -> f64 {
 }
 
 #[test]
-fn one_click_takes_a_clear_object() {
+fn one_click_selects_a_distinct_object() {
     let frame = prepared(&disc_picture(), None);
     let answer = ask(&*frame, &of_clicks(&[click(90.0, 60.0, true)]), None);
     assert!(
@@ -94,7 +94,7 @@ fn one_click_takes_a_clear_object() {
 }
 
 #[test]
-fn a_box_takes_the_object_in_it() {
+fn box_selects_the_object_in_it() {
     let frame = prepared(&disc_picture(), None);
     let part = PxBox {
         min_px: DVec2::new(58.0, 28.0),
@@ -116,7 +116,7 @@ fn a_box_takes_the_object_in_it() {
 }
 
 #[test]
-fn a_click_takes_most_of_a_thin_leaf() {
+fn click_selects_most_of_a_thin_leaf() {
     let on_leaf = |x: u32, y: u32| {
         (f64::from(x) - 30.0 - 0.5 * f64::from(y)).abs() < 2.5 && (5..115).contains(&y)
     };
@@ -136,7 +136,7 @@ fn a_click_takes_most_of_a_thin_leaf() {
 }
 
 #[test]
-fn depth_separates_what_colour_does_not() {
+fn depth_separates_objects_of_equal_colour() {
     let image = picture(WIDTH, HEIGHT, |x, y| {
         [80 + ((x / 7 + y / 5) % 3 * 20) as u8, 120, 70]
     });
@@ -163,7 +163,7 @@ fn depth_separates_what_colour_does_not() {
 }
 
 #[test]
-fn taken_pixels_stay_out() {
+fn taken_pixels_are_excluded() {
     let image = disc_picture();
     let taken = Region {
         width: WIDTH,
@@ -186,7 +186,7 @@ fn taken_pixels_stay_out() {
 }
 
 #[test]
-fn a_far_click_leaves_the_previous_answer_as_it_is() {
+fn distant_click_does_not_change_the_previous_answer() {
     let in_second = |x: u32, y: u32| (5..35).contains(&x) && (5..35).contains(&y);
     let image = picture(WIDTH, HEIGHT, |x, y| {
         match (in_disc(x, y), in_second(x, y)) {
@@ -197,7 +197,7 @@ fn a_far_click_leaves_the_previous_answer_as_it_is() {
     });
     let frame = prepared(&image, None);
     let mut previous = Region::empty(WIDTH, HEIGHT);
-    // A ragged mask, as painted by hand.
+    // A ragged mask, as if painted by hand.
     previous
         .inside
         .iter_mut()
@@ -223,7 +223,7 @@ fn a_far_click_leaves_the_previous_answer_as_it_is() {
     assert!((6..34).all(|x| answer.at(x, 20)));
 }
 
-/// The disc with a piece missing at its right side, and a square beside it that is too much.
+/// The disc with a piece missing at its right side, and with a wrong square next to it.
 fn damaged_disc() -> Region {
     let inside = |x: u32, y: u32| {
         let is_missed = (108..116).contains(&x) && (56..64).contains(&y);
@@ -258,7 +258,7 @@ fn corrected(
 }
 
 #[test]
-fn a_click_on_a_given_mask_mends_the_place_that_it_is_in_and_no_other() {
+fn click_on_a_given_mask_corrects_only_the_clicked_error() {
     let frame = prepared(&disc_picture(), None);
     let damaged = damaged_disc();
     let missed = click(112.0, 60.0, true);
@@ -288,7 +288,7 @@ fn a_click_on_a_given_mask_mends_the_place_that_it_is_in_and_no_other() {
 }
 
 #[test]
-fn a_given_mask_is_mended_in_large_pictures_and_up_to_the_edge_and_with_depth_by_regions() {
+fn given_masks_are_corrected_at_full_size_up_to_the_edge_and_by_regions_with_depth() {
     let inside = |x: u32, y: u32| (x > 900) && (300..900).contains(&y);
     let image = picture(1601, 1203, |x, y| {
         if inside(x, y) {
@@ -335,7 +335,7 @@ fn a_given_mask_is_mended_in_large_pictures_and_up_to_the_edge_and_with_depth_by
 }
 
 #[test]
-fn a_mended_place_keeps_to_earlier_clicks_and_to_what_is_taken() {
+fn correction_respects_earlier_clicks_and_taken_pixels() {
     let frame = prepared(&disc_picture(), None);
     let damaged = damaged_disc();
     let clicks = [click(109.5, 57.5, false), click(112.0, 60.0, true)];
@@ -356,7 +356,7 @@ fn a_mended_place_keeps_to_earlier_clicks_and_to_what_is_taken() {
 }
 
 #[test]
-fn a_large_picture_is_answered_at_its_own_size() {
+fn large_image_is_answered_at_full_size() {
     let inside = |x: u32, y: u32| (f64::from(x) - 901.0).hypot(f64::from(y) - 600.0) < 300.0;
     let image = picture(1601, 1203, |x, y| {
         if inside(x, y) {
@@ -371,7 +371,7 @@ fn a_large_picture_is_answered_at_its_own_size() {
 }
 
 #[test]
-fn the_smallest_pictures_have_answers() {
+fn smallest_images_have_answers() {
     for (width, height) in [(1, 1), (1, 7), (9, 1), (2, 2), (5, 4)] {
         let frame = prepared(&picture(width, height, |x, _| [x as u8 * 20, 80, 90]), None);
         let answer = ask(&*frame, &of_clicks(&[click(0.5, 0.5, true)]), None);
@@ -380,7 +380,7 @@ fn the_smallest_pictures_have_answers() {
 }
 
 #[test]
-fn what_cannot_be_answered_is_said_so() {
+fn invalid_requests_are_errors() {
     let frame = prepared(&disc_picture(), None);
     let fails = |prompt: &Prompt, previous: Option<&Region>| {
         matches!(
@@ -442,7 +442,7 @@ proptest! {
 }
 
 #[test]
-fn a_click_in_the_corner_holds_beside_two_that_are_close() {
+fn click_in_the_corner_holds_next_to_two_close_clicks() {
     hold_and_repeat(&[
         (121.189, 118.250, false),
         (117.620, 101.477, true),
@@ -450,10 +450,12 @@ fn a_click_in_the_corner_holds_beside_two_that_are_close() {
     ]);
 }
 
-/// Clicks the made picture at `places` (x, y in pixels, whether it is included), one after the other: every click so
-/// far holds in each answer, an answer repeats, and the last is that of all clicks at once.
+/// Clicks the disc image at `places` (x, y in pixels, whether to include), one after the other.
+///
+/// Asserts that every earlier click holds in each answer, that answers are reproducible, and that
+/// the last answer equals the answer to all clicks at once.
 fn hold_and_repeat(places: &[(f64, f64, bool)]) {
-    // One click a pixel: what is both included and excluded cannot hold.
+    // One click per pixel: a pixel cannot be both included and excluded.
     let mut clicks: Vec<Click> = Vec::new();
     for &(x, y, include) in places {
         if clicks

@@ -84,7 +84,9 @@ pub(super) const CLASSES: [&str; 80] = [
     "toothbrush",
 ];
 
-/// The class that a phrase names: its words, in lower case, as they are or in the plural, with or without an article.
+/// Returns the class that a phrase names.
+///
+/// The class name is matched in lower case, in singular or plural, with or without an article.
 pub(super) fn class_of(phrase: &str) -> Option<usize> {
     let words = phrase
         .split_whitespace()
@@ -123,7 +125,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn phrases_name_classes() {
+    fn phrases_match_class_names() {
         for (phrase, class) in [
             ("banana", "banana"),
             (" Two ", ""),

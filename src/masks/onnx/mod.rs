@@ -1,4 +1,4 @@
-//! Networks that segment or find by text: Segment Anything, Grounding DINO, YOLOX.
+//! Segmentation and detection by neural networks: Segment Anything, Grounding DINO, YOLOX.
 
 mod coco_classes;
 pub mod grounding;

@@ -1,7 +1,8 @@
 use crate::PxBox;
 
-/// Non-maximum suppression: of those whose boxes overlap by an IoU of more than `most_overlap` only the first stays;
-/// the surest must come first.
+/// Keeps only the first of any boxes that overlap by an IoU of more than `most_overlap`.
+///
+/// `found` must be sorted by score, highest first.
 pub(super) fn non_maximum_suppression<T>(
     found: Vec<T>,
     most_overlap: f64,
@@ -26,12 +27,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_of_overlapping_boxes_stays() {
+    fn first_of_overlapping_boxes_is_kept() {
         let square = |x: f64| PxBox {
             min_px: DVec2::new(x, 0.0),
             max_px: DVec2::new(x + 10.0, 10.0),
         };
-        // IoU of squares 2 px apart 2/3, 4 px apart 3/7.
+        // IoU of squares 2 px apart: 2/3; 4 px apart: 3/7.
         let kept = non_maximum_suppression(vec![4.0, 6.0, 0.0, 30.0], 0.5, |&x| square(x));
         assert_eq!(kept, [4.0, 0.0, 30.0]);
         assert_eq!(

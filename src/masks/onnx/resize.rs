@@ -1,17 +1,19 @@
 use rayon::prelude::*;
 
-/// Bits behind the point of a weight.
+/// Fractional bits of a weight.
 const PRECISION: u32 = 22;
 
-/// Weights with which pixels in a row are summed to one new pixel.
+/// Weights of consecutive source pixels that sum to one new pixel.
 struct Taps {
     first: usize,
     weights: Vec<i64>,
 }
 
-/// A picture of `from` (columns, rows) at the size of `to`, bit for bit as Pillow's bilinear filter makes it, which
-/// networks were trained with: a triangle as wide as a new pixel where it shrinks, rounded to bytes after the rows and
-/// after the columns.
+/// Resizes an image from `from` to `to` (columns, rows) exactly as Pillow's bilinear filter does.
+///
+/// The result is bit-identical to Pillow's, with which the networks were trained: a triangle filter
+/// as wide as a new pixel where the image shrinks, rounded to bytes after the rows and after the
+/// columns.
 pub(super) fn resized(
     pixels: &[[u8; 3]],
     from: (usize, usize),
@@ -36,7 +38,9 @@ pub(super) fn resized(
     out
 }
 
-/// The same picture without rounding: `[3, rows, columns]`, 0–255, as PyTorch's bilinear filter with antialiasing makes it.
+/// Resizes an image like PyTorch's bilinear filter with antialiasing, without rounding.
+///
+/// The result is `[3, rows, columns]`, 0–255.
 pub fn resized_planes(pixels: &[[u8; 3]], from: (usize, usize), to: (usize, usize)) -> Vec<f32> {
     let columns = weights(from.0, to.0);
     let mut wide = vec![[0.0f32; 3]; to.0 * from.1];
@@ -75,7 +79,7 @@ fn taps(from: usize, to: usize) -> Vec<Taps> {
     weights(from, to).into_iter().map(one).collect()
 }
 
-/// By new pixel the first old one that counts, and the weights of it and those after it; they sum to 1.
+/// Returns the first source pixel of each new pixel, and the weights from there on; they sum to 1.
 fn weights(from: usize, to: usize) -> Vec<(usize, Vec<f64>)> {
     let scale = from as f64 / to as f64;
     let reach = scale.max(1.0);
@@ -108,13 +112,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_same_size_changes_nothing() {
+    fn resizing_to_the_same_size_changes_nothing() {
         let pixels: Vec<[u8; 3]> = (0..15).map(|at| [at, 2 * at, 255 - at]).collect();
         assert_eq!(resized(&pixels, (5, 3), (5, 3)), pixels);
     }
 
     #[test]
-    fn planes_are_the_same_picture_unrounded() {
+    fn planes_equal_the_rounded_image() {
         let pixels: Vec<[u8; 3]> = (0..63u8).map(|at| [at, 3 * at, 255 - at]).collect();
         for to in [(4, 5), (20, 11)] {
             let (bytes, planes) = (
@@ -134,8 +138,9 @@ mod tests {
     }
 
     #[test]
-    fn shrinking_averages_and_enlarging_goes_between() {
-        // By hand: weights 1 3 3 1 of a triangle over four pixels, cut at the edges; then quarters between two.
+    fn shrinking_averages_and_enlarging_interpolates() {
+        // By hand: weights 1 3 3 1 of a triangle over four pixels, clipped at the edges; then
+        // quarters between two pixels.
         let row = [0, 0, 100, 200, 200, 200].map(|value| [value; 3]);
         assert_eq!(
             resized(&row, (6, 1), (3, 1)),

@@ -10,7 +10,7 @@ use ostra_compute::nn::{Network, NnError, Tensor, load};
 use ostra_core::job::{Progress, Stopped};
 use ostra_frames::Image;
 
-/// Finds the 80 kinds of everyday things of COCO, by a small network; any other word is refused.
+/// Detects the 80 object classes of COCO with a small network; other words are rejected.
 ///
 /// Ge, Liu, Wang, Li, Sun: "YOLOX: Exceeding YOLO Series in 2021", arXiv 2107.08430.
 #[derive(Debug)]
@@ -18,24 +18,24 @@ pub struct Yolox {
     network: Network,
 }
 
-/// Pixels along each side of the square that the network sees.
+/// Side of the square that the network sees, pixels.
 const SIDE: usize = 416;
-/// Pixels of the square along each side of a cell, in the order in which the network gives its cells.
+/// Pixels of the square along each side of a cell, in the order of the network's output.
 const STRIDES: [usize; 3] = [8, 16, 32];
-/// Values of a cell: middle, size, whether there is a thing, and of what class.
+/// Number of values per cell: centre, size, objectness, and one score per class.
 const VALUES: usize = 5 + CLASSES.len();
-/// What is shown beside the picture.
+/// Value of the padding around the image.
 const PADDING: f32 = 114.0;
-/// Least score where nothing is asked for.
+/// Default score threshold.
 const LEAST_SCORE: f32 = 0.3;
-/// Boxes of one class that overlap by more are one thing.
+/// Maximum IoU of two boxes of one class; above it they are the same object.
 const MOST_OVERLAP: f64 = 0.45;
 
 impl Yolox {
-    /// The network `yolox` of a folder of networks.
+    /// Loads the network `yolox` from a model folder.
     ///
     /// # Errors
-    /// When it is not installed there, does not load, or ONNX Runtime is missing.
+    /// Fails if it is not installed there, does not load, or ONNX Runtime is missing.
     pub fn load(folder: &Path) -> Result<Self, NnError> {
         let missing = || NnError::Request("the catalogue has no file for `yolox`".to_owned());
         Ok(Self {
@@ -95,7 +95,7 @@ impl TextGrounder for Yolox {
         let mut found = Vec::new();
         for (phrase, class) in classes.into_iter().enumerate() {
             let mut of_class = things(&given, class, least, scale, size);
-            // Stable: of equal scores the first cell's.
+            // Stable sort: of equal scores that of the first cell.
             of_class.sort_by(|a, b| b.0.total_cmp(&a.0));
             let apart = non_maximum_suppression(of_class, MOST_OVERLAP, |(_, extent)| *extent);
             found.extend(apart.into_iter().map(|(score, extent)| Grounded {
@@ -110,7 +110,7 @@ impl TextGrounder for Yolox {
     }
 }
 
-/// The class of each phrase.
+/// Returns the class of each phrase.
 fn classes(phrases: &[String]) -> Result<Vec<usize>, MaskError> {
     if phrases.is_empty() {
         return Err(MaskError::Request(
@@ -127,12 +127,12 @@ fn classes(phrases: &[String]) -> Result<Vec<usize>, MaskError> {
         .collect()
 }
 
-/// Pixels of the square per pixel of the picture.
+/// Returns the number of pixels of the square per pixel of the image.
 fn scale(image: &Image) -> f64 {
     SIDE as f64 / f64::from(image.width.max(image.height))
 }
 
-/// The picture in the upper left of the square, blue, green and red as bytes are.
+/// Returns the image in the upper left of the square: blue, green and red planes, 0–255.
 fn fed(image: &Image, scale: f64) -> Vec<f32> {
     let shown = |count: u32| ((f64::from(count) * scale) as usize).clamp(1, SIDE);
     let (columns, rows) = (shown(image.width), shown(image.height));
@@ -155,7 +155,7 @@ fn fed(image: &Image, scale: f64) -> Vec<f32> {
     planes
 }
 
-/// Score and box, in the picture, of every cell that sees a thing of a class.
+/// Returns score and box, in image pixels, of every cell that detects an object of a class.
 fn things(given: &[f32], class: usize, least: f32, scale: f64, size: DVec2) -> Vec<(f32, PxBox)> {
     let in_level = |stride: usize| (0..(SIDE / stride).pow(2)).map(move |at| (stride, at));
     let cells = STRIDES
@@ -186,7 +186,7 @@ mod tests {
     use super::*;
     use ostra_compute::nn::Runtime;
 
-    /// The network.
+    /// Loads the network.
     fn ready() -> Yolox {
         Runtime::find().unwrap();
         Yolox::load(&folder("OSTRA_MODELS", "../../../shared/models")).unwrap()
@@ -227,7 +227,7 @@ mod tests {
             .unwrap()
     }
 
-    /// Share of a box that is yellow.
+    /// Returns the share of a box that is yellow.
     fn yellow(image: &Image, extent: &PxBox) -> f64 {
         let (min, max) = (extent.min_px.as_uvec2(), extent.max_px.as_uvec2());
         let pixels = (min.y..max.y).flat_map(|y| (min.x..max.x).map(move |x| image.at(x, y)));
@@ -258,7 +258,7 @@ mod tests {
         assert_eq!(on, 4, "a yellow box on every photo");
     }
 
-    /// The box around the white pixels of a picture.
+    /// Returns the bounding box of the white pixels of an image.
     fn extent(truth: &Image) -> PxBox {
         let width = truth.width as usize;
         let inside = truth
@@ -276,7 +276,7 @@ mod tests {
 
     #[test]
     #[ignore = "needs real data sets (OSTRA_DATA), networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-    fn boxes_lie_where_the_thing_lies() {
+    fn boxes_match_the_ground_truth() {
         let yolox = ready();
         for (clip, phrase) in [("blackswan", "bird"), ("car-shadow", "a car")] {
             let image = picture(&format!("davis2016/JPEGImages/{clip}/00000.jpg"));
@@ -293,7 +293,7 @@ mod tests {
 
     #[test]
     #[ignore = "needs real data sets (OSTRA_DATA), networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-    fn unknown_words_are_told_with_the_known_ones() {
+    fn unknown_words_are_rejected_with_a_list_of_the_known_ones() {
         let yolox = ready();
         let image = Image {
             width: 2,

@@ -1,5 +1,7 @@
-//! Thin structures (stems, wires) from a few points along them: a ridge filter, the cheapest path from point to point,
-//! and the edges left and right of it.
+//! Thin structures (stems, wires) from a few points along them.
+//!
+//! A ridge filter finds lines, a minimal path joins one point to the next, and the edges left and
+//! right of the path give its width.
 
 mod path;
 mod ribbon;

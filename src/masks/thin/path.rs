@@ -6,48 +6,58 @@ use super::ridge::{Crop, Ridge, RidgeFilter};
 use crate::frontier::Reached;
 use ostra_frames::Image;
 
-/// Least and most room around two points in which the path between them is looked for, in pixels; between these a
-/// quarter of their distance.
+/// Minimum and maximum margin around two points in which their path is searched, pixels.
+///
+/// Between these, the margin is a quarter of the points' distance.
 const ROOM_PX: (f64, f64) = (24.0, 200.0);
 
-/// A click is moved to a line at most this far away, in pixels.
+/// Maximum distance by which a click is moved to a line, pixels.
 const SNAP_PX: isize = 6;
 
-/// How much a line counts less per squared pixel of its distance from the click: for the line that was clicked, and for
-/// one that may have been meant.
+/// Penalty of a line per squared pixel of its distance from the click.
+///
+/// For the line that was clicked, and for a line nearby that may have been meant.
 const FAR_COSTS: [f32; 2] = [0.1, 0.02];
 
-/// Share of the strongest contrast nearby from which on the line that was clicked is meant.
+/// Minimum contrast of the clicked line, relative to the strongest line nearby.
+///
+/// A clicked line that is weaker gives way to the strongest one.
 const OWN_SHARE: f32 = 0.4;
 
-/// The price of length, that every pixel costs.
+/// Cost per pixel of length.
 const LENGTH_COST: f32 = 0.06;
 
-/// What another colour than that of the two points costs at most.
+/// Maximum cost of a colour that differs from that of the two points.
 const COLOR_COST: f32 = 0.6;
 
 /// Colour difference (ΔE) that costs half of it.
 const COLOR_HALF: f32 = 14.0;
 
-/// Lightness counts less than hue: a stem turns towards the light and away from it.
+/// Weights of the Lab channels.
+///
+/// Lightness counts less than hue, because a stem turns towards and away from the light.
 const SHADING: Vec3A = Vec3A::new(0.5, 1.0, 1.0);
 
-/// Contrast (ΔE) that costs a quarter, at least and at most; between these half of what the points themselves have.
+/// Minimum and maximum contrast (ΔE) that costs a quarter.
+///
+/// Between these, it is half of the contrast at the points themselves.
 const CONTRAST_HALF: (f32, f32) = (1.5, 12.0);
 
 /// One pixel of a path.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PathPixel {
-    /// Its centre in the picture, in pixels.
+    /// Centre in the image, pixels.
     pub at_px: DVec2,
-    /// How it lies in the structure.
+    /// Ridge at this pixel.
     pub ridge: Ridge,
 }
 
-/// The cheapest way between two positions of the picture along what is thin and coloured like them, both ends included
-/// (minimal paths: Cohen and Kimmel, "Global minimum for active contour models: a minimal path approach", IJCV 1997;
-/// from pixel to pixel by Dijkstra's algorithm as in Mortensen and Barrett, "Intelligent scissors for image
-/// composition", SIGGRAPH 1995).
+/// Returns the cheapest path between two positions of the image, both ends included.
+///
+/// The path follows pixels that are thin and coloured like the ends. Minimal paths: Cohen and
+/// Kimmel, "Global minimum for active contour models: a minimal path approach", IJCV 1997; from
+/// pixel to pixel by Dijkstra's algorithm as in Mortensen and Barrett, "Intelligent scissors for
+/// image composition", SIGGRAPH 1995.
 pub(super) fn path_between(
     image: &Image,
     filter: &RidgeFilter,
@@ -74,19 +84,23 @@ fn crop_around(image: &Image, a: DVec2, b: DVec2) -> Crop {
     )
 }
 
-/// The search over the pixels of a crop, towards its goal (A*: Hart, Nilsson and Raphael, "A formal basis for the
-/// heuristic determination of minimum cost paths", IEEE Transactions on Systems Science and Cybernetics, 1968); what a
-/// pixel costs is found when it is first reached, so that only the surroundings of the line are filtered.
+/// A* search over the pixels of a crop.
+///
+/// Hart, Nilsson and Raphael, "A formal basis for the heuristic determination of minimum cost
+/// paths", IEEE Transactions on Systems Science and Cybernetics, 1968. The cost of a pixel is
+/// computed when it is first reached, so that only the surroundings of the line are filtered.
 struct Search<'a> {
     crop: &'a Crop,
     filter: &'a RidgeFilter,
     ridges: Vec<Option<Ridge>>,
     distance: Vec<f32>,
     before: Vec<u32>,
-    /// Middle and colour of both ends.
+    /// Position and colour of both ends.
     ends: [(DVec2, Vec3A); 2],
     contrast_half: f32,
-    /// What a pixel costs at least: as much as the better end. The more this is, the straighter the search goes.
+    /// Minimum cost of a pixel: that of the better end.
+    ///
+    /// The higher it is, the straighter the search goes.
     least: f32,
 }
 
@@ -105,8 +119,10 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The pixel of a line that a position means: of the line that it lies on, or, where that is weak beside a line
-    /// nearby, of that.
+    /// Returns the pixel of the line that a position means.
+    ///
+    /// This is the line under the position or, if that is weak compared with a line nearby, the
+    /// stronger line.
     fn snapped(&mut self, at_px: DVec2) -> usize {
         let pixel = |at: f64, origin: usize, count: usize| {
             (at as usize).clamp(origin, origin + count - 1) - origin
@@ -118,7 +134,7 @@ impl<'a> Search<'a> {
         if stays { own } else { strongest }
     }
 
-    /// The pixel of the strongest line near a pixel, when lines farther away count less.
+    /// Returns the pixel of the strongest line near a pixel, where lines farther away count less.
     fn strongest_near(&mut self, x: isize, y: isize, far_cost: f32) -> usize {
         let near = (-SNAP_PX..=SNAP_PX).flat_map(|dy| (-SNAP_PX..=SNAP_PX).map(move |dx| (dx, dy)));
         let inside: Vec<(usize, f32)> = near
@@ -166,7 +182,7 @@ impl<'a> Search<'a> {
         )
     }
 
-    /// Learns from the two ends what the line looks like.
+    /// Sets the expected contrast and colours from the two ends of the line.
     fn learn(&mut self, ends: [usize; 2]) {
         let weaker = ends
             .map(|end| self.ridge(end).contrast)
@@ -189,7 +205,7 @@ impl<'a> Search<'a> {
         cost.max(self.least)
     }
 
-    /// The ends' colours, blended by how far along the way a pixel is.
+    /// Returns the colour interpolated between both ends at a pixel's position along the line.
     fn expected(&self, at: usize) -> Vec3A {
         let [(from, first), (to, last)] = self.ends;
         let along = (self.middle(at) - from).dot(to - from) / (to - from).length_squared().max(1.0);
@@ -241,7 +257,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// What the way from a pixel to the goal costs at least.
+    /// Returns a lower bound of the cost from a pixel to the goal.
     fn left(&self, at: usize, to: usize) -> f32 {
         self.middle(at).distance(self.middle(to)) as f32 * self.least
     }

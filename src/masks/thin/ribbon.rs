@@ -1,6 +1,6 @@
-//! A line with a width: smoothing along it and filling.
+//! A line with a width: the edges left and right of it, smoothing along it, and filling.
 //!
-//! The edges left and right of a line, from the colours across it.
+//! The edges are found from the colours across the line.
 
 use glam::{DVec2, Vec3};
 use rayon::prelude::*;
@@ -12,29 +12,30 @@ use crate::{MaskError, Region, stroke};
 use ostra_core::statistics::upper_median;
 use ostra_frames::Image;
 
-/// How far positions of the line are smoothed along it (standard deviation, in pixels).
+/// Standard deviation by which positions are smoothed along the line, pixels.
 const POSITION_SIGMA_PX: f64 = 2.5;
 
-/// How far its widths are smoothed along it.
+/// Standard deviation by which widths are smoothed along the line, pixels.
 const WIDTH_SIGMA_PX: f64 = 3.0;
 
-/// Points before and after one that say how wide the line may be there, and by how much it may be wider than their
-/// median: a factor and pixels.
+/// Number of points before and after a point that limit its width.
+///
+/// [`MOST_SWELL`] is the limit relative to their median: a factor, plus pixels.
 const SURROUNDINGS: usize = 24;
 const MOST_SWELL: (f64, f64) = (1.25, 0.5);
 
 /// A point of the line; neighbours are about one pixel apart.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LinePoint {
-    /// Position in the picture, in pixels.
+    /// Position in the image, pixels.
     pub at_px: DVec2,
     /// Unit vector across the line.
     pub normal: DVec2,
-    /// How it lies in the structure.
+    /// Ridge at this point.
     pub ridge: Ridge,
 }
 
-/// The smooth line through positions that are about a pixel apart; the ends stay.
+/// Returns a smooth line through positions that are about one pixel apart; the ends stay.
 pub(super) fn smooth_line(places: &[DVec2], ridges: &[Ridge]) -> Vec<LinePoint> {
     let smooth = smoothed(places, POSITION_SIGMA_PX);
     let normal = |at: usize| {
@@ -52,13 +53,15 @@ pub(super) fn smooth_line(places: &[DVec2], ridges: &[Ridge]) -> Vec<LinePoint> 
     smooth.iter().zip(ridges).enumerate().map(point).collect()
 }
 
-/// Positions and ridges of a path.
+/// Splits a path into positions and ridges.
 pub(super) fn split(path: &[PathPixel]) -> (Vec<DVec2>, Vec<Ridge>) {
     path.iter().map(|pixel| (pixel.at_px, pixel.ridge)).unzip()
 }
 
-/// Widths along a line without their noise: a median of five, no more than its surroundings allow (where another thing
-/// of the same colour touches, there is no edge), then a Gaussian mean.
+/// Removes noise from the widths along a line.
+///
+/// Takes a median of five, limits it by the surroundings (where an object of the same colour
+/// touches the line, there is no edge), and then takes a Gaussian mean.
 pub(super) fn smooth_widths(widths_px: &[f64]) -> Vec<f64> {
     let median = |at: usize, reach: usize| {
         let mut near =
@@ -75,7 +78,7 @@ pub(super) fn smooth_widths(widths_px: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Gaussian means along a list, mirrored through its ends, which stay where they are.
+/// Returns Gaussian means along a list, mirrored at its ends, which keep their values.
 fn smoothed(values: &[DVec2], sigma: f64) -> Vec<DVec2> {
     let last = values.len() as isize - 1;
     let value = |at: isize| match at {
@@ -98,8 +101,9 @@ fn smoothed(values: &[DVec2], sigma: f64) -> Vec<DVec2> {
     (0..=last).map(mean).collect()
 }
 
-/// The pixels whose centres lie between the edges of a line, and those that the line itself goes through, so that it has
-/// no gaps however thin it is.
+/// Returns the pixels whose centres lie between the edges of a line.
+///
+/// Pixels that the line itself crosses are included, so that it has no gaps however thin it is.
 ///
 /// # Errors
 /// [`MaskError::Request`] for positions that are not numbers.
@@ -126,22 +130,24 @@ pub(super) fn filled(
     Ok(region)
 }
 
-/// Distance of the samples across the line, in pixels.
+/// Distance of the samples across the line, pixels.
 const STEP_PX: f64 = 0.5;
 
-/// Points of the line (one a pixel) on each side of one that say what it looks like there.
+/// Number of points on each side of a point that determine its local colour and contrast.
 const WINDOW: usize = 8;
 
-/// What it costs that an edge moves by one sample from one point of the line to the next, in pixels of wrong width.
+/// Cost of moving an edge by one sample between neighbouring points, in pixels of wrong width.
 const BEND_COST: f32 = 0.3;
 
-/// Samples that an edge may move from one point of the line to the next.
+/// Maximum number of samples by which an edge may move between neighbouring points.
 const MOST_BEND: usize = 2;
 
-/// How far the edges are from the line on one side (`side` = 1: along the normals, −1: against them), in pixels, not
-/// smoothed. The line's own colour is the median of its neighbourhood; the edge is where half of the contrast is
-/// reached, and edges of neighbouring points hold together (dynamic programming: Amini, Weymouth and Jain, "Using
-/// dynamic programming for solving variational problems in vision", PAMI 1990).
+/// Returns the distance of the edge on one side for every point of the line, in pixels.
+///
+/// Distances are not smoothed. `side` is 1 along the normals and −1 against them. The line's own
+/// colour is the median of its neighbourhood; the edge is where half of the contrast is reached.
+/// Edges of neighbouring points are coupled by dynamic programming (Amini, Weymouth and Jain,
+/// "Using dynamic programming for solving variational problems in vision", PAMI 1990).
 pub(super) fn edge_distances(
     image: &Image,
     line: &[LinePoint],
@@ -173,7 +179,7 @@ pub(super) fn edge_distances(
         .collect()
 }
 
-/// Half of the ridge's contrast around each point.
+/// Returns half of the ridge's contrast around each point.
 fn half_contrasts(line: &[LinePoint]) -> Vec<f32> {
     let contrasts: Vec<f32> = line.iter().map(|point| point.ridge.contrast).collect();
     let around = |at: usize| median(&mut contrasts[window(at, contrasts.len())].to_vec());
@@ -199,13 +205,15 @@ fn window(at: usize, count: usize) -> std::ops::Range<usize> {
     at.saturating_sub(WINDOW)..(at + WINDOW + 1).min(count)
 }
 
-/// The upper median; the values are reordered.
+/// Returns the upper median; reorders the values.
 pub(super) fn median(values: &mut [f32]) -> f32 {
     upper_median(values).unwrap_or(0.0)
 }
 
-/// Per point the sample up to which all is the line's: the most pixels like it and the fewest unlike it, with edges that
-/// move little from point to point.
+/// Returns the edge of each point as a number of samples that belong to the line.
+///
+/// Maximises similar pixels inside minus dissimilar ones, with edges that move little between
+/// neighbouring points.
 fn best_edges(profiles: &[Vec<f32>], halves: &[f32]) -> Vec<usize> {
     let count = profiles[0].len();
     let mut total = vec![0.0; count];
@@ -242,7 +250,10 @@ fn best_before(total: &[f32], k: usize) -> usize {
     .unwrap_or(k)
 }
 
-/// The edge between samples: where the profile crosses half way between its level inside and that just outside.
+/// Refines an edge between samples.
+///
+/// The edge is where the profile crosses the middle between its level inside and its level just
+/// outside.
 fn refined(profile: &[f32], edge: usize) -> f64 {
     const NEAR: usize = 4;
     let outside = edge..(edge + NEAR).min(profile.len());
@@ -259,7 +270,7 @@ fn refined(profile: &[f32], edge: usize) -> f64 {
     crossing.map_or(edge as f64, between)
 }
 
-/// The way along the normals to the middle between two edges.
+/// Moves a point along its normal to the middle between two edges.
 pub(super) fn shift(point: &LinePoint, left_px: f64, right_px: f64) -> DVec2 {
     point.at_px + point.normal * ((right_px - left_px) / 2.0)
 }

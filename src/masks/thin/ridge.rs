@@ -5,25 +5,29 @@ use wide::i32x4;
 use crate::lab::lab_of_pixel;
 use ostra_frames::Image;
 
-/// Steps per Lab unit in the sums: integers, so that a box's mean does not depend on what lies before it.
+/// Steps per Lab unit in the sums.
+///
+/// Integers make a box's mean independent of the pixels before it.
 const STEPS: f32 = 64.0;
 
-/// A part of a picture in CIE Lab whose box means cost the same for every size (Crow, "Summed-area tables for texture
-/// mapping", SIGGRAPH 1984).
+/// A part of an image in CIE Lab with box means that cost the same for every size.
+///
+/// Crow, "Summed-area tables for texture mapping", SIGGRAPH 1984.
 pub(super) struct Crop {
-    /// Column and row of its top-left pixel in the picture.
+    /// Column and row of its top-left pixel in the image.
     pub origin: [usize; 2],
-    /// Columns.
+    /// Number of columns.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
-    /// Sums over all pixels above and left, one row and column more than the crop; they may wrap around. The fourth
-    /// number is 0: four are added as fast as one.
+    /// Sums over all pixels above and left, with one row and column more than the crop.
+    ///
+    /// Sums may wrap around. The fourth number is 0: four are added as fast as one.
     sums: Vec<i32x4>,
 }
 
 impl Crop {
-    /// The pixels of `image` from column and row `from` up to, not including, `to`.
+    /// Cuts the pixels of `image` from column and row `from` up to `to` (exclusive).
     pub fn cut(image: &Image, from: [usize; 2], to: [usize; 2]) -> Self {
         let [width, height] = [to[0] - from[0], to[1] - from[1]];
         let across = width + 1;
@@ -51,8 +55,9 @@ impl Crop {
         }
     }
 
-    /// Mean colour of the `(2 · radius + 1)²` pixels around one, cut off at the crop's border; a middle outside is
-    /// moved to the nearest pixel inside.
+    /// Returns the mean colour of the `(2 · radius + 1)²` pixels around a pixel.
+    ///
+    /// The box is clipped to the crop; a centre outside is moved to the nearest pixel inside.
     pub fn mean(&self, x: isize, y: isize, radius: isize) -> Vec3A {
         let (left, right) = within(x, radius, self.width);
         let (top, bottom) = within(y, radius, self.height);
@@ -65,7 +70,9 @@ impl Crop {
     }
 }
 
-/// The colour at a position of the picture in CIE Lab, between the centres of four pixels; the border's beyond it.
+/// Returns the bilinearly interpolated CIE Lab colour at a position of the image.
+///
+/// Positions beyond the border have the border's colour.
 pub(super) fn color_at(image: &Image, at_px: DVec2) -> Vec3 {
     let [right, bottom] = [f64::from(image.width - 1), f64::from(image.height - 1)];
     let (x, y) = (
@@ -86,7 +93,7 @@ pub(super) fn color_at(image: &Image, at_px: DVec2) -> Vec3 {
     )
 }
 
-/// First and one past the last place at most `radius` from `middle` in `0..count`.
+/// Returns the range of indices at most `radius` from `middle` in `0..count`.
 fn within(middle: isize, radius: isize, count: usize) -> (usize, usize) {
     let middle = middle.clamp(0, count as isize - 1);
     (
@@ -95,25 +102,29 @@ fn within(middle: isize, radius: isize, count: usize) -> (usize, usize) {
     )
 }
 
-/// Half widths of the lines looked for, in pixels.
+/// Half widths of the lines that are searched, pixels.
 const HALF_WIDTHS_PX: [f32; 6] = [0.6, 1.0, 1.7, 2.9, 5.0, 8.5];
 
-/// Directions across a line that are tried, over half a turn; the samples lie far enough out for those between.
+/// Number of directions across a line, over half a turn.
+///
+/// The samples are far enough out to cover directions in between.
 const DIRECTIONS: usize = 4;
 
-/// How much of its contrast a line keeps whose sides differ from it in opposite ways: it may be a ramp of shading.
+/// Share of its contrast that a line keeps if its two sides differ from it in opposite directions.
+///
+/// Such a line may be a ramp of shading.
 const STAIR_SHARE: f32 = 0.3;
 
-/// How a pixel lies in a thin structure.
+/// Ridge strength and width at a pixel.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Ridge {
     /// Colour difference (ΔE) to both sides, the smaller of the two.
     pub contrast: f32,
-    /// Half the width of the line, in pixels; one of six.
+    /// Half the width of the line, pixels; one of [`HALF_WIDTHS_PX`].
     pub half_width_px: f32,
 }
 
-/// The ridge filter: places beside each other of which the middle differs from both sides.
+/// Ridge filter: compares the colour at a pixel with the colours on both sides.
 pub(super) struct RidgeFilter {
     widths: Vec<Probe>,
 }
@@ -125,7 +136,7 @@ struct Probe {
 }
 
 impl RidgeFilter {
-    /// The filter with its sample places.
+    /// Creates the filter with its sample positions.
     pub fn new() -> Self {
         let probe = |&half_width_px: &f32| {
             let radius = (half_width_px * 0.7) as isize;
@@ -146,10 +157,12 @@ impl RidgeFilter {
         }
     }
 
-    /// The strongest line through a pixel over all widths and directions. The weaker side counts, so that the border
-    /// of a large thing is no line, and any difference of colour counts, so that a line may be brighter, darker or
-    /// merely of another hue (after Koller, Gerig, Székely and Dettwiler, "Multiscale detection of curvilinear
-    /// structures in 2-D and 3-D image data", ICCV 1995, for colours).
+    /// Returns the strongest line through a pixel over all widths and directions.
+    ///
+    /// The weaker side counts, so that the border of a large object is not a line. Any difference
+    /// of colour counts, so that a line may be brighter, darker or only of another hue. After
+    /// Koller, Gerig, Székely and Dettwiler, "Multiscale detection of curvilinear structures in 2-D
+    /// and 3-D image data", ICCV 1995, extended to colours.
     pub fn at(&self, crop: &Crop, x: isize, y: isize) -> Ridge {
         let mut best = Ridge::default();
         for probe in &self.widths {
@@ -161,7 +174,7 @@ impl RidgeFilter {
                 .iter()
                 .map(|&by| contrast(side(by), side(-by)))
                 .fold(0.0, f32::max);
-            // Of widths that answer alike the narrowest is meant.
+            // Of widths with nearly equal responses, the narrowest is taken.
             if strongest > best.contrast * 1.1 {
                 best = Ridge {
                     contrast: strongest,
@@ -187,7 +200,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn box_means_equal_plain_sums() {
+    fn box_means_equal_direct_sums() {
         let pixels = (0..30 * 20_usize)
             .map(|at| [at * 7 % 251, at * 3 % 241, at % 5 * 40].map(|v| v as u8))
             .collect();

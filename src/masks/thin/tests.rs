@@ -8,7 +8,7 @@ use ostra_frames::Image;
 const GREY: [f64; 3] = [128.0, 128.0, 128.0];
 const GREEN: [f64; 3] = [60.0, 140.0, 50.0];
 
-/// A line of a width and a colour.
+/// A line with a width and a colour.
 struct Drawn {
     points: Vec<DVec2>,
     width_px: f64,
@@ -23,7 +23,7 @@ impl Drawn {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// The pixels whose centres it covers.
+    /// Returns the pixels whose centres the line covers.
     fn region(&self) -> Region {
         let center = |at: usize| DVec2::new((at % 200) as f64 + 0.5, (at / 200) as f64 + 0.5);
         let inside = (0..200 * 150)
@@ -37,7 +37,9 @@ impl Drawn {
     }
 }
 
-/// A picture of 200 × 150 pixels with soft edges (each pixel the mean of 16 samples) and a little noise.
+/// Renders an image of 200 × 150 pixels.
+///
+/// Edges are soft (each pixel is the mean of 16 samples), and there is a little noise.
 fn picture(background: [f64; 3], lines: &[Drawn]) -> Image {
     let pixel = |at: usize| {
         let corner = DVec2::new((at % 200) as f64, (at / 200) as f64);
@@ -69,7 +71,7 @@ fn line(points: &[(f64, f64)], width_px: f64, color: [f64; 3]) -> Drawn {
     }
 }
 
-/// A quarter of a circle and a bit from the lower left to the upper right.
+/// Slightly more than a quarter of a circle, from the lower left to the upper right.
 fn arc(width_px: f64) -> Drawn {
     let at = |k: i32| {
         let angle = std::f64::consts::PI * (1.0 - f64::from(k) / 40.0);
@@ -79,7 +81,7 @@ fn arc(width_px: f64) -> Drawn {
 }
 
 #[test]
-fn widths_are_measured_to_a_third_of_a_pixel() {
+fn widths_are_accurate_to_a_third_of_a_pixel() {
     for width_px in [1.5, 2.0, 3.0, 4.5, 7.0, 11.0, 16.0] {
         let drawn = line(&[(20.0, 31.0), (180.0, 120.0)], width_px, GREEN);
         let found = trace(
@@ -98,7 +100,7 @@ fn widths_are_measured_to_a_third_of_a_pixel() {
 }
 
 #[test]
-fn a_curve_is_followed_from_three_points() {
+fn curve_is_followed_from_three_points() {
     for width_px in [2.0, 5.0, 9.0] {
         let drawn = arc(width_px);
         let points = [drawn.points[0], drawn.points[12], drawn.points[24]];
@@ -129,7 +131,7 @@ fn any_difference_of_colour_makes_a_line() {
 }
 
 #[test]
-fn a_line_that_crosses_is_not_followed() {
+fn crossing_line_is_not_followed() {
     for color in [GREEN, [200.0, 60.0, 40.0]] {
         let drawn = line(&[(10.0, 75.0), (190.0, 85.0)], 5.0, GREEN);
         let truth = drawn.region();
@@ -153,7 +155,7 @@ fn a_line_that_crosses_is_not_followed() {
 }
 
 #[test]
-fn the_border_of_a_large_thing_draws_no_line_to_it() {
+fn border_of_a_large_object_is_not_a_line() {
     let wall = line(&[(0.0, 20.0), (200.0, 20.0)], 60.0, [90.0, 100.0, 200.0]);
     let drawn = line(&[(10.0, 68.0), (100.0, 60.0), (190.0, 68.0)], 3.0, GREEN);
     let truth = drawn.region();
@@ -165,7 +167,7 @@ fn the_border_of_a_large_thing_draws_no_line_to_it() {
 }
 
 #[test]
-fn what_cannot_be_traced_is_refused_with_what_to_do() {
+fn invalid_points_are_rejected_with_a_hint() {
     let image = picture(GREY, &[]);
     let refused = |points: &[(f64, f64)]| {
         let points: Vec<DVec2> = points.iter().map(|&(x, y)| DVec2::new(x, y)).collect();

@@ -8,22 +8,29 @@ use super::ridge::RidgeFilter;
 use crate::{MaskError, Region};
 use ostra_frames::Image;
 
-/// Points nearer than this count as one, in pixels.
+/// Minimum distance of two points, pixels; closer points count as one.
 const SAME_PX: f64 = 1.0;
 
-/// Neighbouring points may be this far apart, in pixels: it bounds the part of the picture that is looked at.
+/// Maximum distance of neighbouring points, pixels.
+///
+/// Bounds the part of the image that is searched.
 const MOST_APART_PX: f64 = 1500.0;
 
-/// How often the line is moved to the middle between its edges.
+/// Number of times the edges are measured.
+///
+/// In between, the line is moved to the middle between its edges.
 const ROUNDS: usize = 2;
 
-/// The pixels of a thin structure (stem, wire; up to about 25 pixels wide) that runs through the points, in their
-/// order. Points are in pixels, a few pixels off the structure is near enough; each reach from one to the next follows
-/// the line of most contrast and likest colour, and its width is measured from the edges on both sides at every pixel.
-/// The structure ends at the first and the last point.
+/// Returns the pixels of a thin structure (stem, wire) that runs through the points.
+///
+/// The structure may be up to about 25 pixels wide. Points are in pixels, in their order along the
+/// structure, and may be a few pixels off it. From each point to the next, the line of most
+/// contrast and most similar colour is followed. Its width is measured from the edges on both sides
+/// at every pixel. The structure ends at the first and the last point.
 ///
 /// # Errors
-/// [`MaskError::Request`] for fewer than two different points, points outside the picture or too far apart.
+/// [`MaskError::Request`] for fewer than two different points, or for points outside the image or
+/// too far apart.
 pub fn trace(image: &Image, points_px: &[DVec2]) -> Result<Region, MaskError> {
     let points = checked(image, points_px)?;
     let filter = RidgeFilter::new();
@@ -74,13 +81,13 @@ fn checked(image: &Image, points_px: &[DVec2]) -> Result<Vec<DVec2>, MaskError> 
     Ok(points)
 }
 
-/// How far from the line edges are looked for, in pixels.
+/// Returns how far from the line edges are searched, pixels.
 fn reach(line: &[LinePoint]) -> f64 {
     let mut half_widths: Vec<f32> = line.iter().map(|point| point.ridge.half_width_px).collect();
     2.0 * f64::from(median(&mut half_widths)) + 4.0
 }
 
-/// Distances of the left and the right edge, smoothed along the line.
+/// Returns the distances of the left and the right edge, smoothed along the line.
 fn edges_of(image: &Image, line: &[LinePoint], reach_px: f64) -> [Vec<f64>; 2] {
     [-1.0, 1.0].map(|side| smooth_widths(&edge_distances(image, line, side, reach_px)))
 }

@@ -23,7 +23,7 @@ fn noisy(views: usize, points: usize, seed: u64) -> (Bundle, Bundle) {
 }
 
 #[test]
-fn outliers_do_not_bend_a_robust_adjustment() {
+fn outliers_do_not_distort_a_robust_adjustment() {
     let (truth, mut found) = noisy(30, 500, 10);
     let mut noise = Noise::new(3);
     for observation in &mut found.observations {
@@ -54,7 +54,7 @@ fn outliers_do_not_bend_a_robust_adjustment() {
 }
 
 #[test]
-fn what_is_fixed_keeps_its_bits() {
+fn fixed_parameters_stay_bit_identical() {
     let (truth, mut found) = noisy(10, 200, 20);
     for image in [0, 4] {
         found.images[image] = truth.images[image];
@@ -77,7 +77,7 @@ fn what_is_fixed_keeps_its_bits() {
         (&found.cameras, &found.observations),
         (&start.cameras, &start.observations)
     );
-    // Two fixed poses hold the whole: the others come to their true places without alignment.
+    // Two fixed poses determine the frame: the others reach their true poses without alignment.
     for (image, true_image) in found.images.iter().zip(&truth.images) {
         assert!(
             image
@@ -90,10 +90,10 @@ fn what_is_fixed_keeps_its_bits() {
 }
 
 #[test]
-fn only_poses_move_on_fixed_points() {
+fn only_poses_change_if_points_are_fixed() {
     let (truth, mut found) = noisy(6, 200, 30);
     found.points.clone_from(&truth.points);
-    // A point seen once holds its camera too when points are fixed.
+    // If points are fixed, a point seen once constrains its camera too.
     found.observations.retain(|o| o.image != 5 || o.point < 10);
     found.observations.retain(|o| o.image == 5 || o.point >= 10);
     run(
@@ -112,7 +112,7 @@ fn only_poses_move_on_fixed_points() {
 }
 
 #[test]
-fn shared_and_own_intrinsics_come_back_together() {
+fn shared_and_own_intrinsics_are_recovered_together() {
     let [_, radial, _, full, ..] = cameras()[..] else {
         panic!()
     };
@@ -155,7 +155,7 @@ fn shared_and_own_intrinsics_come_back_together() {
 }
 
 #[test]
-fn the_number_of_threads_does_not_matter() {
+fn result_does_not_depend_on_the_number_of_threads() {
     let (_, start) = noisy(20, 600, 50);
     let on = |threads: usize| {
         let mut found = start.clone();
@@ -174,7 +174,7 @@ fn the_number_of_threads_does_not_matter() {
 }
 
 #[test]
-fn the_order_of_observations_hardly_matters() {
+fn order_of_observations_hardly_matters() {
     let (truth, mut found) = noisy(10, 200, 60);
     found.observations.reverse();
     assert!(run(&mut found, &BundleOptions::default()).converged);
@@ -182,7 +182,7 @@ fn the_order_of_observations_hardly_matters() {
 }
 
 #[test]
-fn breaking_off_keeps_the_best_so_far() {
+fn stopping_keeps_the_best_state() {
     let (_, mut found) = noisy(20, 300, 70);
     disturb(&mut found, 0.03, 0.1, 71);
     let mut costs = Vec::new();
@@ -216,7 +216,7 @@ fn breaking_off_keeps_the_best_so_far() {
 }
 
 #[test]
-fn what_nothing_is_known_about_stays() {
+fn unobserved_parameters_do_not_change() {
     let (_, mut found) = noisy(6, 100, 80);
     let lonely = BundleImage {
         camera: 0,
@@ -267,7 +267,7 @@ fn what_nothing_is_known_about_stays() {
 }
 
 #[test]
-fn nothing_to_adjust_is_no_failure() {
+fn empty_problems_succeed() {
     let nothing = BundleSummary {
         iterations: 0,
         initial_cost: 0.0,
@@ -328,7 +328,7 @@ fn two_views_of_few_points_stay_finite() {
 }
 
 #[test]
-fn a_point_behind_a_camera_neither_counts_nor_harms() {
+fn point_behind_a_camera_is_ignored() {
     let (truth, mut found) = noisy(12, 300, 110);
     let behind = found.images[3]
         .camera_from_world

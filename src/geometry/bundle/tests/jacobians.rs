@@ -9,7 +9,7 @@ use crate::bundle::{Bundle, BundleOptions, Refine};
 
 const STEP: f64 = 1e-6;
 
-/// One view of one camera, everything refined: the pose is block 0, the intrinsics are the blocks behind it.
+/// One view of one camera with everything refined: the pose is block 0, the intrinsics follow.
 fn single_view(bundle: &Bundle) -> (State, Layout) {
     let refine = vec![Refine {
         focal: true,
@@ -33,7 +33,9 @@ fn single_view(bundle: &Bundle) -> (State, Layout) {
     (state, layout)
 }
 
-/// The derivative of a residual by one unknown of poses and intrinsics, by central differences.
+/// Returns the derivative of a residual by one unknown of poses and intrinsics.
+///
+/// It is computed by central differences.
 fn difference(
     state: &State,
     layout: &Layout,
@@ -54,7 +56,7 @@ fn difference(
 }
 
 #[test]
-fn derivatives_agree_with_finite_differences_for_every_lens() {
+fn derivatives_match_finite_differences_for_every_lens() {
     for camera in cameras() {
         let bundle = dome(vec![camera], 1, 40, 1.0, 7);
         let (state, layout) = single_view(&bundle);
@@ -110,7 +112,7 @@ fn derivatives_agree_with_finite_differences_for_every_lens() {
 }
 
 #[test]
-fn points_are_seen_where_the_camera_projects_them() {
+fn lens_projects_like_the_camera() {
     for camera in cameras() {
         let (state, _) = single_view(&Bundle {
             images: dome(vec![camera], 1, 1, 1.0, 8).images,
@@ -122,7 +124,7 @@ fn points_are_seen_where_the_camera_projects_them() {
             let at = DVec3::new(f64::from(i % 20) - 9.5, f64::from(i / 20) - 9.5, 0.0) * 0.3;
             let x = at + DVec3::Z;
             let world = pose.inverse().transform(x);
-            // The fold is found in other steps than the camera's: near it they may differ.
+            // The fold is searched with other steps than in the camera: near it, they may differ.
             let expected = camera.project(pose.transform(world));
             let sighting = |at_px| Sighting { image: 0, at_px };
             match (expected, state.sees(world, 0)) {

@@ -14,12 +14,14 @@ const ALL: Refine = Refine {
     distortion: true,
 };
 
-/// Adjusts to the end.
+/// Adjusts until convergence.
 pub fn run(bundle: &mut Bundle, options: &BundleOptions) -> BundleSummary {
     adjust(bundle, options, &mut |_, _| ControlFlow::Continue(()))
 }
 
-/// The largest rotation error in degrees and centre error as a share of the dome's radius, after alignment.
+/// Returns the largest rotation error in degrees and the largest centre error, after alignment.
+///
+/// The centre error is relative to the dome's radius.
 pub fn errors(found: &Bundle, truth: &Bundle) -> (f64, f64) {
     let centres = |b: &Bundle| {
         b.images
@@ -44,7 +46,7 @@ pub fn errors(found: &Bundle, truth: &Bundle) -> (f64, f64) {
 }
 
 #[test]
-fn noisy_views_come_back_to_the_truth() {
+fn noisy_views_are_recovered() {
     let truth = dome(vec![pinhole()], 30, 500, 0.6, 1);
     let mut found = truth.clone();
     blur(&mut found, 0.5, 2);
@@ -54,7 +56,7 @@ fn noisy_views_come_back_to_the_truth() {
     assert!(summary.converged && summary.iterations <= 12, "{summary:?}");
     assert!(turn < 0.05 && centre < 0.001, "{turn}°, {centre}");
     assert_eq!(found.cameras, truth.cameras);
-    // Two residuals an observation of 0.25 px² each, less the parameters.
+    // Two residuals per observation of 0.25 px² each, minus the parameters.
     let free = 2 * truth.observations.len() - 6 * 30 - 3 * 500 + 7;
     let expected = 0.5 * 0.25 * free as f64;
     assert!(
@@ -64,7 +66,7 @@ fn noisy_views_come_back_to_the_truth() {
 }
 
 #[test]
-fn intrinsics_of_every_model_come_back() {
+fn intrinsics_of_every_model_are_recovered() {
     for camera in cameras() {
         let truth = dome(vec![camera], 30, 1500, 0.6, 4);
         let mut found = truth.clone();
@@ -94,7 +96,7 @@ fn intrinsics_of_every_model_come_back() {
 }
 
 #[test]
-fn a_long_sequence_is_bridged_step_by_step() {
+fn long_sequence_is_recovered() {
     // Each image of a corridor sees only its neighbours' points: the matrix is a narrow band.
     let mut truth = dome(vec![pinhole()], 120, 0, 1.0, 6);
     let mut noise = Noise::new(7);

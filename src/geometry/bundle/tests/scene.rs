@@ -27,7 +27,7 @@ impl Noise {
     }
 }
 
-/// A camera of every model, with coefficients as real lenses have them.
+/// Returns a camera of every model, with realistic coefficients.
 pub fn cameras() -> Vec<Camera> {
     let models = [
         Distortion::None,
@@ -62,7 +62,7 @@ pub fn pinhole() -> Camera {
     Camera::pinhole(1600, 1200, 1400.0, 1420.0, 805.0, 590.0)
 }
 
-/// A camera at `centre` that looks at `target`, turned about its axis by `roll`.
+/// Returns a camera at `centre` that looks at `target`, rotated about its axis by `roll`.
 fn looking(centre: DVec3, target: DVec3, roll: f64) -> Pose {
     let z = (target - centre).normalize();
     let x = DVec3::Y.cross(z).normalize();
@@ -74,8 +74,10 @@ fn looking(centre: DVec3, target: DVec3, roll: f64) -> Pose {
     .unwrap()
 }
 
-/// Points in a cube of side 2, seen exactly by `views` images on a dome around it, taken by each camera in turn;
-/// each point is seen by about `share` of those that have it in their image.
+/// Returns points in a cube of side 2, observed exactly by `views` images on a dome around it.
+///
+/// The images use the cameras in turn. Each point is observed by about `share` of the images that
+/// contain it.
 pub fn dome(cameras: Vec<Camera>, views: usize, points: usize, share: f64, seed: u64) -> Bundle {
     let mut noise = Noise::new(seed);
     let images: Vec<BundleImage> = (0..views)
@@ -121,7 +123,7 @@ pub fn dome(cameras: Vec<Camera>, views: usize, points: usize, share: f64, seed:
     bundle
 }
 
-/// Every observation off by noise of `px` along both axes.
+/// Adds noise of `px` to every observation, along both axes.
 pub fn blur(bundle: &mut Bundle, px: f64, seed: u64) {
     let mut noise = Noise::new(seed);
     for observation in &mut bundle.observations {
@@ -129,7 +131,7 @@ pub fn blur(bundle: &mut Bundle, px: f64, seed: u64) {
     }
 }
 
-/// Poses off by about `turn` radians and `shift`, points by `shift`.
+/// Rotates poses by about `turn` radians and moves poses and points by about `shift`.
 pub fn disturb(bundle: &mut Bundle, turn: f64, shift: f64, seed: u64) {
     let mut noise = Noise::new(seed);
     for image in &mut bundle.images {

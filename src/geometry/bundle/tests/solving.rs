@@ -19,7 +19,9 @@ fn disturbed(bundle: Bundle) -> Bundle {
     bundle
 }
 
-/// The whole normal equations, points and all, without padding: the step that they give and the fall of the model.
+/// Returns the step of the full normal equations and the model's decrease.
+///
+/// The equations include the points and have no padding.
 fn without_elimination(layout: &Layout, pieces: &[Piece], state: &State) -> (DVector<f64>, f64) {
     let before = layout.len() * BLOCK;
     let points: usize = pieces.iter().map(|piece| piece.points.len()).sum();
@@ -70,7 +72,7 @@ fn without_elimination(layout: &Layout, pieces: &[Piece], state: &State) -> (DVe
 }
 
 #[test]
-fn a_step_is_that_of_the_whole_normal_equations() {
+fn step_equals_that_of_the_full_normal_equations() {
     let bent = crate::Camera {
         distortion: Distortion::Radial { k: [-0.1, 0.02] },
         ..pinhole()
@@ -120,7 +122,7 @@ fn a_step_is_that_of_the_whole_normal_equations() {
 }
 
 #[test]
-fn a_skyline_solves_as_the_dense_matrix() {
+fn skyline_solves_like_a_dense_matrix() {
     let first = [0, 0, 1, 3, 2, 0, 5, 3];
     let size = first.len() * BLOCK;
     let mut noise = Noise::new(5);
@@ -155,7 +157,7 @@ fn a_skyline_solves_as_the_dense_matrix() {
 }
 
 #[test]
-fn conjugate_gradients_gain_as_much_as_factoring() {
+fn conjugate_gradients_gain_as_much_as_factorisation() {
     let bundle = disturbed(dome(vec![pinhole()], 60, 800, 0.2, 4));
     let options = BundleOptions {
         refine: vec![Refine {

@@ -4,25 +4,29 @@ use super::caption::Caption;
 use crate::onnx::non_maximum_suppression::non_maximum_suppression;
 use crate::{Grounded, PxBox};
 
-/// Boxes of one phrase that overlap by more are one thing.
+/// Maximum IoU of two boxes of one phrase; above it they are the same object.
 const MOST_OVERLAP: f64 = 0.8;
 
-/// What the network said of a picture and some phrases. Which things count as found can be asked again and again.
+/// Output of the network for an image and some phrases.
+///
+/// Can be filtered by any threshold without another run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Answer {
-    /// The phrases.
+    /// The phrases, as tokens.
     pub caption: Caption,
-    /// How much each query is what a token of the caption says, `[queries, tokens]`.
+    /// Logit of each token for each query, `[queries, tokens]`.
     pub logits: Vec<f32>,
-    /// Where each query lies, `[queries, 4]`: middle, width and height as shares of the picture.
+    /// Box of each query, `[queries, 4]`: centre, width and height as fractions of the image.
     pub boxes: Vec<f32>,
-    /// Columns and rows of the picture.
+    /// Columns and rows of the image.
     pub size_px: DVec2,
 }
 
 impl Answer {
-    /// The things whose score is above `least`, 0–1, the surest first. A box goes to the phrase whose tokens it fits best,
-    /// its score is that of the best token.
+    /// Returns the objects whose score is above `least` (0–1), highest score first.
+    ///
+    /// A box goes to the phrase with the best matching token, and the score of that token is its
+    /// score. Boxes of one phrase that overlap are reduced by non-maximum suppression.
     #[must_use]
     pub fn above(&self, least: f32) -> Vec<Grounded> {
         let mut found: Vec<Grounded> = self
@@ -51,10 +55,10 @@ impl Answer {
         apart
     }
 
-    /// Every query that lies in the picture.
+    /// Returns every query whose box overlaps the image.
     fn queries(&self) -> Vec<Grounded> {
         let Caption { ids, phrases, .. } = &self.caption;
-        // The token before a phrase's end is the full stop, which says nothing of the thing.
+        // The last token of a phrase is the full stop, which does not describe the object.
         let is_stop = |at: usize| phrases.get(at + 1) != Some(&phrases[at]);
         let words = phrases.iter().enumerate().filter(|&(at, _)| !is_stop(at));
         let words: Vec<(usize, usize)> = words
@@ -62,7 +66,7 @@ impl Answer {
             .collect();
         let query = |(logits, place): (&[f32], &[f32])| {
             let best = words.iter().map(|&(at, phrase)| (logits[at], phrase));
-            // Of equal ones the first.
+            // The first one wins on ties.
             let (logit, phrase) = best.reduce(|a, b| if b.0 > a.0 { b } else { a })?;
             let [x, y, columns, rows] = [0, 1, 2, 3].map(|at| f64::from(place[at]));
             let (middle, half) = (DVec2::new(x, y), DVec2::new(columns, rows) / 2.0);
@@ -91,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn boxes_go_to_the_phrase_that_fits_best() {
+    fn boxes_are_assigned_to_the_best_matching_phrase() {
         // [CLS] red cat . dog . [SEP]
         let phrases = vec![None, Some(0), Some(0), Some(0), Some(1), Some(1), None];
         let caption = Caption {
@@ -101,9 +105,9 @@ mod tests {
         };
         let logits = [
             [9.0, -3.0, 1.0, 9.0, -1.0, 9.0, 9.0],  // a cat
-            [9.0, -3.0, -3.0, 9.0, 2.0, 9.0, 9.0],  // a dog, surer
+            [9.0, -3.0, -3.0, 9.0, 2.0, 9.0, 9.0],  // a dog, higher score
             [0.0, -3.0, -3.0, 9.0, 1.5, 9.0, 9.0],  // the same dog
-            [0.0, -3.0, -3.0, 9.0, -2.0, 9.0, 9.0], // nothing
+            [0.0, -3.0, -3.0, 9.0, -2.0, 9.0, 9.0], // background
         ];
         let boxes = [
             [0.5, 0.5, 0.5, 0.5],

@@ -5,21 +5,23 @@ use tokenizers::pre_tokenizers::bert::BertPreTokenizer;
 
 use crate::MaskError;
 
-/// Splits words into the pieces that BERT (uncased) knows, by a vocabulary of one piece a line.
+/// Splits text into the pieces of BERT (uncased), from a vocabulary with one piece per line.
 #[derive(Debug, Clone)]
 pub struct Tokenizer {
     pieces: WordPieces,
-    /// What stands at the start, at the end, and between phrases.
+    /// Tokens at the start, at the end, and between phrases.
     pub(super) start: i64,
     pub(super) end: i64,
     pub(super) stop: i64,
 }
 
 impl Tokenizer {
-    /// From the text of a `vocab.txt`: the number of a line, from 0, is the id of its piece.
+    /// Creates a tokenizer from the text of a `vocab.txt`.
+    ///
+    /// The id of a piece is its line number, from 0.
     ///
     /// # Errors
-    /// [`MaskError::Network`] where it lacks what every caption needs.
+    /// [`MaskError::Network`] if a token that every caption needs is missing.
     pub fn new(vocabulary: &str) -> Result<Self, MaskError> {
         let broken =
             |what: &str| MaskError::Network(format!("{what}; take vocab.txt of BERT uncased"));
@@ -44,7 +46,7 @@ impl Tokenizer {
         })
     }
 
-    /// Ids of the pieces of a text.
+    /// Returns the ids of the pieces of a text.
     ///
     /// # Errors
     /// [`MaskError::Request`] for a text that cannot be split.
@@ -57,25 +59,28 @@ impl Tokenizer {
     }
 }
 
-/// Phrases as one text for the network, each ended by a full stop; a token attends to those of its own phrase only.
+/// Phrases as one text for the network, each ended by a full stop.
+///
+/// A token attends only to tokens of its own phrase.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Caption {
-    /// Ids of the tokens, with a start and an end.
+    /// Ids of the tokens, including start and end.
     pub ids: Vec<i64>,
-    /// Place of each token within its phrase, from 0.
+    /// Position of each token within its phrase, from 0.
     pub positions: Vec<i64>,
-    /// Number of the phrase of each token, full stop included; `None` for start and end.
+    /// Phrase index of each token, full stop included; `None` for start and end.
     pub phrases: Vec<Option<usize>>,
 }
 
 impl Caption {
-    /// Tokens that the network takes at most.
+    /// Maximum number of tokens that the network accepts.
     pub const MOST: usize = 256;
 
-    /// The caption of some phrases.
+    /// Builds the caption of some phrases.
     ///
     /// # Errors
-    /// [`MaskError::Request`] for no phrase, one without a word or with a full stop or question mark in it, or too many.
+    /// [`MaskError::Request`] if there is no phrase or too many tokens, or if a phrase is empty or
+    /// contains a full stop or question mark.
     pub fn new(tokenizer: &Tokenizer, phrases: &[String]) -> Result<Self, MaskError> {
         if phrases.is_empty() {
             return Err(MaskError::Request(
@@ -118,7 +123,9 @@ impl Caption {
         self.phrases.extend(ids.iter().map(|_| phrase));
     }
 
-    /// Whether each token (row) attends to each (column), row by row; 1 where it does, else 0.
+    /// Returns the attention mask, row by row.
+    ///
+    /// It is 1 where the row's token attends to the column's, else 0.
     #[must_use]
     pub fn attention(&self) -> Vec<i64> {
         let count = self.ids.len();
@@ -164,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn texts_have_the_tokens_of_the_reference() {
+    fn tokens_match_the_reference() {
         let (reference, tokenizer) = reference();
         for (text, ids) in &reference.texts {
             assert_eq!(tokenizer.ids(text).unwrap(), *ids, "{text:?}");
@@ -173,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn captions_are_those_of_the_reference() {
+    fn captions_match_the_reference() {
         let (reference, tokenizer) = reference();
         for expected in &reference.captions {
             let caption = Caption::new(&tokenizer, &expected.phrases).unwrap();
@@ -191,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn phrases_without_words_are_refused() {
+    fn empty_and_invalid_phrases_are_rejected() {
         let (_, tokenizer) = reference();
         let refusal = |phrases: &[&str]| {
             let phrases: Vec<String> = phrases.iter().map(|&phrase| phrase.to_owned()).collect();

@@ -1,8 +1,12 @@
-//! Words for Grounding DINO: phrases become the tokens of one caption, and what the network says of each token becomes
-//! boxes of phrases.
+//! Detection by text with Grounding DINO.
 //!
-//! Liu et al.: "Grounding DINO: Marrying DINO with Grounded Pre-Training for Open-Set Object Detection", ECCV 2024;
-//! Devlin et al.: "BERT: Pre-training of Deep Bidirectional Transformers for Language Understanding", NAACL 2019.
+//! Phrases become the tokens of one caption; the network's logits per token become boxes of
+//! phrases.
+//!
+//! Liu et al.: "Grounding DINO: Marrying DINO with Grounded Pre-Training for Open-Set Object
+//! Detection", ECCV 2024;
+//! Devlin et al.: "BERT: Pre-training of Deep Bidirectional Transformers for Language
+//! Understanding", NAACL 2019.
 
 mod answer;
 mod caption;

@@ -11,9 +11,9 @@ use ostra_compute::nn::{Network, NnError, Tensor, load, load_text};
 use ostra_core::job::{Progress, Stopped};
 use ostra_frames::Image;
 
-/// Finds what any words name.
+/// Finds objects described by free text.
 ///
-/// It remembers its last answer: another threshold for the same picture and phrases costs no run.
+/// Caches its last answer: another threshold for the same image and phrases needs no run.
 #[derive(Debug)]
 pub struct GroundingDino {
     network: Network,
@@ -21,35 +21,38 @@ pub struct GroundingDino {
     last: Mutex<Option<(NetworkInput, Arc<Answer>)>>,
 }
 
-/// What the network gives for every query.
+/// Output of the network for every query.
 struct RawAnswer {
     logits: Vec<f32>,
     boxes: Vec<f32>,
 }
 
-/// Its name in the catalogue, on the command line and in the folder of networks.
+/// Name in the catalogue, on the command line and in the model folder.
 const NAME: &str = "grounding-dino";
-/// Least score where nothing is asked for.
+/// Default score threshold.
 const LEAST_SCORE: f32 = 0.3;
-/// What it is fed.
+/// Names of the inputs.
 const INPUTS: [&str; 4] = ["image", "input_ids", "position_ids", "attention_mask"];
 
 impl GroundingDino {
-    /// The network `grounding-dino` of a folder of networks, with its vocabulary.
+    /// Loads the network `grounding-dino` and its vocabulary from a model folder.
     ///
     /// # Errors
-    /// When it is not installed there, does not load, its vocabulary is another one, or ONNX Runtime is missing.
+    /// Fails if it is not installed there, does not load, its vocabulary does not match, or ONNX
+    /// Runtime is missing.
     pub fn load(folder: &Path) -> Result<Self, NnError> {
         let missing = || NnError::Request(format!("the catalogue has no file for `{NAME}`"));
         let vocabulary = load_text(folder, NAME)?.pop().ok_or_else(missing)?;
         Self::new(load(folder, NAME)?.pop().ok_or_else(missing)?, &vocabulary)
     }
 
-    /// Of a network as `assets/export/grounding_dino.py` writes it and the text of BERT's `vocab.txt`.
+    /// Wraps a network exported by `assets/export/grounding_dino.py`.
+    ///
+    /// `vocabulary` is the text of BERT's `vocab.txt`.
     ///
     /// # Errors
-    /// [`NnError::Mismatch`] for a network with other inputs, [`NnError::Request`] for a vocabulary that lacks what every
-    /// caption needs.
+    /// [`NnError::Mismatch`] for a network with other inputs, [`NnError::Request`] for a vocabulary
+    /// without the tokens that every caption needs.
     pub fn new(network: Network, vocabulary: &str) -> Result<Self, NnError> {
         let there = &network.signature().inputs;
         if there.len() != INPUTS.len()
@@ -72,11 +75,11 @@ impl GroundingDino {
         })
     }
 
-    /// What the network says of a picture and some phrases, for any threshold.
+    /// Runs the network on an image and some phrases; the answer can be read at any threshold.
     ///
     /// # Errors
-    /// [`MaskError::Request`] for no phrase, one without a word or with a full stop or question mark in it, too many, an
-    /// empty or very narrow picture; [`MaskError::Stopped`], or what the network says.
+    /// [`MaskError::Request`] for invalid or too many phrases (see [`Caption::new`]) and for an
+    /// empty or very narrow image; [`MaskError::Stopped`], or the error of the network.
     pub fn look(
         &self,
         image: &Image,
@@ -105,7 +108,7 @@ impl GroundingDino {
         Ok(answer)
     }
 
-    /// The last answer, where it was to the same question.
+    /// Returns the last answer if image and phrases are the same.
     fn known(
         &self,
         input: &NetworkInput,
@@ -118,7 +121,7 @@ impl GroundingDino {
         is_same.then(|| Arc::clone(answer))
     }
 
-    /// Logits and boxes of every query.
+    /// Runs the network and returns logits and boxes of every query.
     fn run(
         &self,
         input: &NetworkInput,

@@ -4,18 +4,18 @@ use crate::MaskError;
 use crate::onnx::resize::resized;
 use ostra_frames::Image;
 
-/// Pixels of the shorter side of what the network sees, and the most of the longer one.
+/// Length of the input's shorter side, and maximum length of the longer one, pixels.
 const SHORT: f64 = 800.0;
 const LONGEST: f64 = 1333.0;
 /// Pixels along each side of a cell, per level.
 const STRIDES: [usize; 4] = [8, 16, 32, 64];
-/// Cells that become queries.
+/// Number of cells that become queries.
 const QUERIES: usize = 900;
-/// Mean and deviation of red, green and blue, as shares of 255, that the network was trained with.
+/// Mean and standard deviation per channel from training, as fractions of 255.
 const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
 const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
 
-/// An image as the network takes it.
+/// An image as the network expects it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct NetworkInput {
     pub(super) columns: usize,
@@ -24,7 +24,7 @@ pub(super) struct NetworkInput {
 }
 
 impl NetworkInput {
-    /// A picture at the size that the network is used to.
+    /// Resizes an image to the size that the network was trained with.
     pub(super) fn new(image: &Image) -> Result<Self, MaskError> {
         if image.pixels.is_empty() {
             return Err(MaskError::Request(
@@ -55,7 +55,7 @@ impl NetworkInput {
         })
     }
 
-    /// Normalised red, green and blue planes.
+    /// Returns the normalised red, green and blue planes.
     pub(super) fn planes(&self) -> Vec<f32> {
         let mut planes = vec![0.0; 3 * self.pixels.len()];
         planes
@@ -73,7 +73,9 @@ impl NetworkInput {
     }
 }
 
-/// Columns and rows as the official program makes them: the shorter side rounded, the longer cut off.
+/// Returns columns and rows as the official code computes them.
+///
+/// The shorter side is rounded, the longer one truncated.
 fn size(width: u32, height: u32) -> (usize, usize) {
     let (least, most) = (f64::from(width.min(height)), f64::from(width.max(height)));
     let too_long = most / least * SHORT > LONGEST;
@@ -96,7 +98,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shorter_side_is_800_where_the_longer_one_allows() {
+    fn shorter_side_is_800_unless_the_longer_one_is_too_long() {
         let sizes = [
             (640, 480),
             (480, 640),
@@ -120,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_are_normalised_in_their_order() {
+    fn channels_are_normalised_and_narrow_images_are_rejected() {
         let image = Image {
             width: 2,
             height: 2,

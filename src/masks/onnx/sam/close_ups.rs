@@ -9,23 +9,25 @@ use crate::{Click, MaskError, PreparedFrame, Prompt, PxBox, Region, SegmentReque
 use ostra_core::job::Progress;
 use ostra_frames::Image;
 
-/// A picture that is looked at around each prompt in its own pixels, not whole and shrunk: for stems and wires. The first
-/// prompt at a place costs a run of the encoder, those close by the decoder alone.
+/// A frame that is segmented around each prompt at full resolution, for stems and wires.
+///
+/// The whole image would be shrunk to the network's input size. The first prompt in a place costs a
+/// run of the encoder; prompts nearby cost only the decoder.
 #[derive(Debug)]
 pub struct CloseUps {
     sam: Arc<Sam>,
     image: Arc<Image>,
-    /// Parts that were embedded, the latest last.
+    /// Parts that are embedded already, the latest last.
     seen: Mutex<VecDeque<Arc<SamFrame>>>,
 }
 
-/// Parts kept of a picture.
+/// Maximum number of embedded parts kept per image.
 const KEPT: usize = 4;
-/// How much longer than what is wanted the side of a part may be that is looked at again.
+/// Maximum size of an embedded part that is used again, relative to the part wanted.
 const MOST_LONGER: u32 = 2;
 
 impl CloseUps {
-    /// Of a picture; nothing is embedded before the first prompt.
+    /// Creates the frame of an image; nothing is embedded before the first prompt.
     #[must_use]
     pub fn new(sam: Arc<Sam>, image: Arc<Image>) -> Self {
         Self {
@@ -35,13 +37,15 @@ impl CloseUps {
         }
     }
 
-    /// The part around what is included and the newest click; all of the picture where a part would show no more.
+    /// Returns the part around everything included and the newest click.
+    ///
+    /// Falls back to the whole image where a part would show no more.
     fn around(&self, prompt: &Prompt, progress: &Progress) -> Result<Arc<SamFrame>, MaskError> {
         let (width, height) = (self.image.width, self.image.height);
         let prompt = &shown_prompt(prompt);
         let wanted = Part::around(prompt, width, height, self.sam.side())
             .unwrap_or(Part::whole(width, height));
-        // Held while a part is embedded, so that it is not embedded twice.
+        // Locked while a part is embedded, so that it is not embedded twice.
         let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
         let will_do =
             |part: Part| part.side() <= wanted.side() * MOST_LONGER && part.holds_all(prompt);
@@ -67,7 +71,7 @@ impl PreparedFrame for CloseUps {
         progress: &Progress,
     ) -> Result<Region, MaskError> {
         let frame = self.around(request.prompt, progress)?;
-        // What is not looked at is not answered, but for what is clicked to be outside.
+        // Pixels outside the part are not segmented; exclude clicks there are still enforced.
         let (shown, beyond): (Vec<_>, Vec<_>) = request
             .prompt
             .clicks
@@ -95,7 +99,7 @@ impl PreparedFrame for CloseUps {
     }
 }
 
-/// What must be seen: the boxes, the include clicks, and the newest click of whatever kind.
+/// Returns what the part must contain: boxes, include clicks, and the newest click of either kind.
 fn shown_prompt(prompt: &Prompt) -> Prompt {
     let newest = prompt.clicks.last().map(|click| Click {
         include: true,
@@ -110,12 +114,12 @@ fn shown_prompt(prompt: &Prompt) -> Prompt {
 }
 
 impl Part {
-    /// The longer side.
+    /// Returns the length of the longer side.
     fn side(self) -> u32 {
         self.width.max(self.height)
     }
 
-    /// Whether all clicks and boxes lie within.
+    /// Returns whether all clicks and boxes lie within the part.
     fn holds_all(&self, prompt: &Prompt) -> bool {
         let holds_box = |part: &PxBox| self.holds(part.min_px) && self.holds(part.max_px - 0.5);
         prompt.clicks.iter().all(|click| self.holds(click.at_px))

@@ -11,26 +11,32 @@ pub(super) struct Decoder {
     cells: usize,
 }
 
-/// The shape of an embedding.
+/// Shape of an embedding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct EmbeddingShape {
     pub channels: usize,
-    /// Cells along each side.
+    /// Number of cells along each side.
     pub cells: usize,
 }
 
-/// How a decoder is asked.
+/// Interface of a decoder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Dialect {
-    /// Segment Anything: exclude clicks, an earlier answer to refine, one mask for clear questions and three for others.
+    /// Segment Anything.
+    ///
+    /// Knows exclude clicks, can refine an earlier answer, and gives one mask for clear prompts and
+    /// three for ambiguous ones.
     Sam,
-    /// `EfficientSAM` (Xiong et al., CVPR 2024): include clicks and boxes, at most [`MOST_POINTS`] points, three masks.
-    /// Its official files are used unchanged: an image (or a part of one) fills its square, it chooses none of its masks, and
-    /// exclude clicks are answered outside of the network (`SamFrame::ask_include_only`).
+    /// `EfficientSAM` (Xiong et al., CVPR 2024).
+    ///
+    /// Takes include clicks and boxes, at most [`MOST_POINTS`] points, and gives three masks. Its
+    /// official files are used unchanged: an image (or a part of one) fills its square, and it does
+    /// not choose among its masks. Exclude clicks are handled outside of the network
+    /// (`SamFrame::ask_include_only`).
     Efficient,
 }
 
-/// Points that `EfficientSAM` takes, corners of a box among them.
+/// Maximum number of points for `EfficientSAM`, including corners of a box.
 const MOST_POINTS: usize = 6;
 
 /// Pixels of the encoder's square along each side of a cell of the embedding.
@@ -38,48 +44,48 @@ const CELL: usize = 16;
 /// Logits along each side of a cell.
 const FINE: usize = 4;
 
-/// What is asked.
+/// A prompt as the decoder expects it.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Question {
-    /// Positions in pixels of the encoder's square, counted from the middle of the first.
+    /// Positions in pixels of the encoder's square, relative to the centre of the first pixel.
     pub points: Vec<[f32; 2]>,
-    /// What each is.
+    /// Kind of each point.
     pub kinds: Vec<PointKind>,
 }
 
-/// What a point of a question is.
+/// Kind of a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum PointKind {
     Exclude,
     Include,
     FirstCorner,
     LastCorner,
-    /// Stands where there is no box.
+    /// Placeholder if there is no box.
     Padding,
 }
 
-/// What a question may mean.
+/// Candidate masks for a prompt.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Answers {
-    /// The mask for clear questions; `None` of a network that leaves the choice.
+    /// Mask for clear prompts; `None` if the network does not choose.
     pub clear: Option<Answer>,
-    /// Those for ambiguous ones; none of a network that chose.
+    /// Masks for ambiguous prompts; empty if the network has chosen.
     pub others: Vec<Answer>,
 }
 
-/// A mask and how good the network thinks it is.
+/// A mask and its predicted quality.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Answer {
-    /// Row by row, [`Decoder::fine`] along each side; above 0 = inside.
+    /// Logits, row by row, [`Decoder::fine`] along each side; above 0 = inside.
     pub logits: Vec<f32>,
     /// Predicted IoU.
     pub score: f32,
-    /// Whether it stands for a mask from elsewhere, which the network had no part in.
+    /// Whether the mask was given from outside instead of predicted by the network.
     pub is_given: bool,
 }
 
 impl Question {
-    /// Notes one more point.
+    /// Adds a point.
     pub fn add(&mut self, at: [f32; 2], kind: PointKind) {
         self.points.push(at);
         self.kinds.push(kind);
@@ -103,10 +109,10 @@ impl PointKind {
 }
 
 impl Decoder {
-    /// Finds the dialect by the names of the inputs.
+    /// Creates a decoder; the interface is recognised by the names of the inputs.
     ///
     /// # Errors
-    /// [`NnError::Mismatch`] where it takes no square embedding.
+    /// [`NnError::Mismatch`] if the network does not take a square embedding.
     pub fn new(network: Network) -> Result<Self, NnError> {
         let named = |name: &str| {
             network
@@ -146,12 +152,12 @@ impl Decoder {
         })
     }
 
-    /// How it is asked.
+    /// Returns the interface.
     pub fn dialect(&self) -> Dialect {
         self.dialect
     }
 
-    /// The square that the encoder sees.
+    /// Returns the square that the encoder sees.
     pub fn canvas(&self) -> Canvas {
         Canvas {
             side: self.cells * CELL,
@@ -159,7 +165,7 @@ impl Decoder {
         }
     }
 
-    /// The shape of the embeddings that it takes.
+    /// Returns the shape of the embeddings that the decoder takes.
     pub fn embedding(&self) -> EmbeddingShape {
         EmbeddingShape {
             channels: self.channels,
@@ -167,13 +173,15 @@ impl Decoder {
         }
     }
 
-    /// Logits along each side of a mask, padding included.
+    /// Returns the number of logits along each side of a mask, padding included.
     pub fn fine(&self) -> usize {
         self.cells * FINE
     }
 
-    /// The masks that a question may mean. `before` are logits of an earlier answer that is to be refined, where the
-    /// network can.
+    /// Returns the candidate masks for a prompt.
+    ///
+    /// `before` are the logits of an earlier answer to refine; they are ignored if the network
+    /// cannot refine.
     pub fn run(
         &self,
         embedding: &Tensor,
@@ -203,7 +211,8 @@ impl Decoder {
             before.map_or_else(|| vec![0.0; fine * fine], <[f32]>::to_vec),
         )?;
         let is_given = floats(&[1], vec![f32::from(u8::from(before.is_some()))])?;
-        // The masks at the picture's size are made here, of the one that is chosen; of all they are asked for small.
+        // Only the chosen mask is enlarged to the size of the image, outside of the network. The
+        // network is asked for a small size.
         let size = floats(&[2], vec![CELL as f32; 2])?;
         let fed = [
             ("image_embeddings", embedding),
@@ -221,7 +230,8 @@ impl Decoder {
     }
 
     fn run_efficient(&self, embedding: &Tensor, asked: &Question) -> Result<Answers, MaskError> {
-        // Masks come at the size that points are given in: at that of the logits nothing is resampled.
+        // Masks have the size in which points are given; at the size of the logits nothing is
+        // resampled.
         let (fine, side) = (self.fine(), self.canvas().side);
         let all = || asked.points.iter().zip(&asked.kinds);
         let corners: Vec<_> = all().filter(|(_, kind)| kind.is_corner()).collect();
@@ -250,7 +260,7 @@ impl Decoder {
         })
     }
 
-    /// The masks of one run, as many as one of the `counts`.
+    /// Runs the network and returns its masks; their number must be one of `counts`.
     fn answers(
         &self,
         fed: &[(&str, &Tensor)],
@@ -297,7 +307,7 @@ fn floats(shape: &[usize], values: Vec<f32>) -> Result<Tensor, MaskError> {
     Tensor::floats(shape, values).map_err(network_error)
 }
 
-/// The error of masks for an error of a network.
+/// Converts an error of a network.
 #[expect(
     clippy::needless_pass_by_value,
     reason = "`map_err` passes it by value"

@@ -1,29 +1,33 @@
 use super::part::Part;
 use crate::MaskError;
 
-/// What the picture encoder makes of a picture: all that answering prompts needs. Costly to make, cheap to keep.
+/// Output of the image encoder: everything needed to answer prompts.
+///
+/// Expensive to compute, cheap to store.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Embedding {
-    /// Columns of the whole picture.
+    /// Columns of the whole image.
     pub width: u32,
-    /// Rows of the whole picture.
+    /// Rows of the whole image.
     pub height: u32,
-    /// What of it the network saw.
+    /// Part of the image that the network saw.
     pub part: Part,
-    /// Values of each cell.
+    /// Number of values per cell.
     pub channels: usize,
-    /// Cells along each side.
+    /// Number of cells along each side.
     pub cells: usize,
-    /// `[channels, cells, cells]`, the last dimension fastest.
+    /// Values, `[channels, cells, cells]`, the last dimension fastest.
     pub values: Vec<f32>,
 }
 
-/// Whole numbers before the values.
+/// Number of integers before the values.
 const HEAD: usize = 8;
 
 impl Embedding {
-    /// As bytes for a file: eight 32-bit whole numbers (columns, rows, the part, channels, cells), then the values, all
-    /// little-endian.
+    /// Serialises the embedding for a file.
+    ///
+    /// Eight 32-bit integers (columns, rows, the part, channels, cells) come before the values; all
+    /// are little-endian.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         let Part {
@@ -47,10 +51,10 @@ impl Embedding {
             .collect()
     }
 
-    /// From the bytes of [`Self::to_bytes`].
+    /// Reads an embedding from the bytes of [`Self::to_bytes`].
     ///
     /// # Errors
-    /// [`MaskError::Network`] where they are cut off or say what cannot be.
+    /// [`MaskError::Network`] if the bytes are truncated or inconsistent.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, MaskError> {
         let broken =
             || MaskError::Network("a kept embedding is damaged; delete it, it is made anew".into());
@@ -90,7 +94,7 @@ impl Embedding {
         })
     }
 
-    /// Bytes held.
+    /// Returns the number of bytes held.
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.values.len() * size_of::<f32>()

@@ -1,4 +1,4 @@
-//! Questions about an embedded picture and their answers, with exclude clicks for networks that know none.
+//! Prompts to an embedded image, with exclude clicks for networks that do not support them.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -12,7 +12,7 @@ use super::part::{Canvas, Part};
 use crate::{Click, MaskError, PxBox, Region};
 use ostra_compute::nn::Tensor;
 
-/// A picture, or a part of one, that answers prompts by runs of the decoder alone.
+/// An image, or a part of one, that answers prompts with runs of the decoder alone.
 #[derive(Debug)]
 pub struct SamFrame {
     decoder: Arc<Decoder>,
@@ -20,18 +20,23 @@ pub struct SamFrame {
     width: u32,
     height: u32,
     part: Part,
-    /// The latest answers: a click more asks one question more, moving the pointer asks the last one again.
+    /// Cache of the latest answers.
+    ///
+    /// A new click adds one question to those already answered; moving the pointer repeats the last
+    /// one.
     known: Mutex<VecDeque<(Asked, Arc<Answer>)>>,
 }
 
-/// What was asked, refining which answer. That answer is kept as long as this is, so that its address is its own.
+/// A question and the answer that it refines.
+///
+/// The earlier answer is kept alive, so that its address stays unique.
 #[derive(Debug)]
 struct Asked {
     question: Question,
     before: Option<Arc<Answer>>,
 }
 
-/// Answers kept.
+/// Maximum number of cached answers.
 const KNOWN: usize = 48;
 
 impl SamFrame {
@@ -62,34 +67,36 @@ impl SamFrame {
         })
     }
 
-    /// Bytes held.
+    /// Returns the number of bytes held.
     pub(super) fn held_bytes(&self) -> usize {
         bytes_of(&self.decoder)
     }
 
-    /// Columns and rows of the picture.
+    /// Returns columns and rows of the image.
     pub(super) fn size(&self) -> (u32, u32) {
         (self.width, self.height)
     }
 
-    /// The part of the picture that the network saw.
+    /// Returns the part of the image that the network saw.
     #[must_use]
     pub fn part(&self) -> Part {
         self.part
     }
 
-    /// The square that the network sees the part on.
+    /// Returns the square on which the network sees the part.
     pub(super) fn canvas(&self) -> Canvas {
         self.decoder.canvas()
     }
 
-    /// Logits along each side of an answer.
+    /// Returns the number of logits along each side of an answer.
     pub(super) fn fine(&self) -> usize {
         self.decoder.fine()
     }
 
-    /// The answer for one object. A single click is ambiguous: of its three masks the one with the highest predicted
-    /// IoU is taken, of more prompts the one mask made for them, where the network makes one.
+    /// Returns the answer for one object.
+    ///
+    /// A single click is ambiguous, so the one of its three masks with the highest predicted IoU is
+    /// taken. For more prompts, the mask for clear prompts is taken, if the network gives one.
     pub(super) fn ask(
         &self,
         clicks: &[Click],
@@ -136,7 +143,7 @@ impl SamFrame {
         Ok(answer)
     }
 
-    /// All masks that a click may mean, with the network's scores; nothing of it is kept.
+    /// Returns all candidate masks for a click with the network's scores; they are not cached.
     pub(super) fn masks_at(&self, click: Click) -> Result<Vec<Answer>, MaskError> {
         let Answers { clear, others } = self.masks(&[click], None)?;
         Ok(if others.is_empty() {
@@ -146,7 +153,7 @@ impl SamFrame {
         })
     }
 
-    /// All masks that clicks and a box may mean.
+    /// Returns all candidate masks for clicks and a box.
     pub(super) fn masks(
         &self,
         clicks: &[Click],
@@ -177,7 +184,7 @@ impl SamFrame {
         question
     }
 
-    /// Logit of an answer under a click.
+    /// Returns the logit of an answer under a click.
     pub(super) fn logit_at(&self, answer: &Answer, click: &Click) -> f32 {
         let (fine, canvas) = (self.fine(), self.canvas());
         let cell =
@@ -186,12 +193,12 @@ impl SamFrame {
         answer.logits[y * fine + x]
     }
 
-    /// Logits of an answer at the size of the part, row by row.
+    /// Returns the logits of an answer at the size of the part, row by row.
     pub(super) fn enlarged(&self, answer: &Answer) -> Vec<f32> {
         enlarged(&answer.logits, self.fine(), self.part, self.canvas())
     }
 
-    /// The pixels inside an answer.
+    /// Returns the pixels inside an answer.
     pub(super) fn region(&self, answer: &Answer) -> Region {
         let mut region = Region::empty(self.width, self.height);
         let columns = self.part.width as usize;
@@ -209,15 +216,17 @@ impl SamFrame {
     }
 }
 
-/// Bytes that a frame of this decoder holds.
+/// Returns the number of bytes that a frame of this decoder holds.
 pub(super) fn bytes_of(decoder: &Decoder) -> usize {
     let EmbeddingShape { channels, cells } = decoder.embedding();
     (channels * cells * cells + KNOWN * decoder.fine() * decoder.fine()) * size_of::<f32>()
 }
 
-/// The mask for a clear question, or the surest of those for an ambiguous one; a network that gives one chose.
+/// Returns the mask for a clear prompt, or the best one for an ambiguous prompt.
+///
+/// If the network gives only one kind, that kind is used.
 fn chosen(Answers { clear, mut others }: Answers, is_ambiguous: bool) -> Result<Answer, MaskError> {
-    // Stable: of equal scores the first is taken.
+    // Stable sort: the first of equal scores is taken.
     others.sort_by(|a, b| b.score.total_cmp(&a.score));
     let surest = others.into_iter().next();
     let answer = if is_ambiguous {
@@ -229,9 +238,11 @@ fn chosen(Answers { clear, mut others }: Answers, is_ambiguous: bool) -> Result<
 }
 
 impl SamFrame {
-    /// The mask for clicks and a box from a network that knows no exclude clicks: of its masks one that leaves them out, and
-    /// where none does, without what a click at that place would find; `before`, less what is outside, where that is from elsewhere and holds all that is
-    /// to be inside.
+    /// Returns the mask for clicks and a box from a network without exclude clicks.
+    ///
+    /// The network's mask that satisfies the clicks best is taken. If it still covers an exclude
+    /// click, the mask that a click there would find is subtracted. If `before` was given from
+    /// outside and contains all include clicks, it is taken instead of the network's masks.
     pub(super) fn ask_include_only(
         &self,
         clicks: &[Click],
@@ -258,8 +269,9 @@ impl SamFrame {
         Ok(answer)
     }
 
-    /// Of several masks the one that holds most of what is to be inside, of equal ones that which leaves out most of what
-    /// is to be outside, of equal ones the surest.
+    /// Returns the mask that satisfies the most include clicks.
+    ///
+    /// Ties are broken by the number of satisfied exclude clicks, then by score.
     fn best_match(&self, found: Vec<Answer>, clicks: &[Click]) -> Option<Answer> {
         let ranked = found.into_iter().map(|answer| {
             (
@@ -273,7 +285,7 @@ impl SamFrame {
         ranked.min_by(better).map(|(_, answer)| answer)
     }
 
-    /// How many clicks of a kind an answer satisfies.
+    /// Returns how many clicks of a kind an answer satisfies.
     fn matched_clicks(&self, answer: &Answer, clicks: &[Click], include: bool) -> usize {
         let of_kind = clicks.iter().filter(|click| click.include == include);
         of_kind
@@ -281,7 +293,9 @@ impl SamFrame {
             .count()
     }
 
-    /// What lies at an exclude click, holds no include click, and is no more than half of the answer.
+    /// Returns the mask at an exclude click that may be subtracted.
+    ///
+    /// It contains no include click and covers no more than half of the answer.
     fn excluded(
         &self,
         at: &Click,

@@ -3,17 +3,20 @@ use rayon::prelude::*;
 use super::part::{Canvas, Part};
 use crate::Region;
 
-/// Which logits in a row make one pixel, and with what weight.
+/// Weights of consecutive logits that sum to one pixel.
 struct Taps {
     first: usize,
     weights: Vec<f32>,
 }
 
-/// Logits at the size of a part of a picture, `part.width · part.height` row by row, from `fine · fine` of the network's
-/// square: bilinear to the square, cut to what of it shows the part, bilinear to the part, and at once where the part
-/// fills it, as the official codes do it. Both are weighted sums along rows and along columns, made here as one.
+/// Enlarges `fine · fine` logits of the network's square to the size of a part of an image.
+///
+/// Returns `part.width · part.height` logits, row by row. As in the official code, logits are
+/// interpolated bilinearly to the square, cropped to the area that shows the part, and interpolated
+/// bilinearly to the part. If the part fills the square, this is a single step. Both steps are
+/// weighted sums along rows and columns and are done at once.
 pub(super) fn enlarged(logits: &[f32], fine: usize, part: Part, canvas: Canvas) -> Vec<f32> {
-    // A square of one pixel a logit is passed through unchanged.
+    // With one pixel per logit, the step to the square changes nothing.
     let canvas = if canvas.is_filled {
         Canvas {
             side: fine,
@@ -51,7 +54,7 @@ pub(super) fn enlarged(logits: &[f32], fine: usize, part: Part, canvas: Canvas) 
     out
 }
 
-/// From `fine` to `side`, cut to `shown`, to `out`.
+/// Returns the weights from `fine` to `side`, cropped to `shown`, to `out`.
 fn taps(fine: usize, side: usize, shown: usize, out: usize) -> Vec<Taps> {
     let one = |at: usize| {
         let parts = between(at, out, shown);
@@ -78,7 +81,7 @@ fn taps(fine: usize, side: usize, shown: usize, out: usize) -> Vec<Taps> {
     (0..out).map(one).collect()
 }
 
-/// The two of `from` samples that lie around sample `at` of `to`, with their weights.
+/// Returns the two of `from` samples around sample `at` of `to`, with their weights.
 fn between(at: usize, to: usize, from: usize) -> [(usize, f64); 2] {
     let place = ((at as f64 + 0.5) * from as f64 / to as f64 - 0.5).max(0.0);
     let first = (place as usize).min(from - 1);
@@ -96,17 +99,18 @@ impl Taps {
     }
 }
 
-/// Places along each side of a logit's cell at which a region is looked at.
+/// Number of samples of a region along each side of a logit's cell.
 const SAMPLES: usize = 4;
-/// Logit of a cell that lies inside as a whole, about as sure as the network's own answers are.
+/// Logit of a cell that lies completely inside, about as high as those of the network.
 const SURE: f32 = 10.0;
 
-/// A region of the picture as logits that the decoder can refine: `fine · fine` of its square, from how much of each cell
-/// is inside.
+/// Converts a region of the image to logits that the decoder can refine.
+///
+/// Returns `fine · fine` logits of the square, from the share of each cell that is inside.
 pub(super) fn hint(region: &Region, part: Part, canvas: Canvas, fine: usize) -> Vec<f32> {
     let (columns, rows) = part.shown(canvas);
     let steps = fine * SAMPLES;
-    // Pixel of the picture under each sample along an axis; none in the padding.
+    // Image pixel under each sample along an axis; `None` in the padding.
     let along = |first: u32, count: u32, shown: usize| -> Vec<Option<u32>> {
         let pixel = |at: usize| {
             ((at as f64 + 0.5) * canvas.side as f64 / steps as f64 * f64::from(count)

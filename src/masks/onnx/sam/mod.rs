@@ -1,8 +1,8 @@
-//! Segment Anything: a picture is embedded once, prompts are answered from the embedding.
+//! Segment Anything: an image is embedded once, prompts are answered from the embedding.
 //!
-//! Kirillov et al.: "Segment Anything", ICCV 2023; with its interface `MobileSAM` (Zhang et al., 2023), with another
-//! one `EfficientSAM` (Xiong et al.: "EfficientSAM: Leveraged Masked Image Pretraining for Efficient Segment Anything",
-//! CVPR 2024).
+//! Kirillov et al.: "Segment Anything", ICCV 2023. `MobileSAM` (Zhang et al., 2023) has the same
+//! interface; `EfficientSAM` (Xiong et al.: "EfficientSAM: Leveraged Masked Image Pretraining for
+//! Efficient Segment Anything", CVPR 2024) has another one.
 
 mod close_ups;
 mod decoder;

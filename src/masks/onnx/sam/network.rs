@@ -13,22 +13,24 @@ use ostra_compute::nn::{Network, NnError, Signature, Tensor, load};
 use ostra_core::job::{Progress, Stopped};
 use ostra_frames::{DepthMap, Image};
 
-/// Segment Anything in two networks: one embeds a picture (seconds), one answers prompts (a tenth of a second).
+/// Segment Anything in two networks.
+///
+/// One embeds an image (seconds), the other answers prompts (a tenth of a second).
 #[derive(Debug)]
 pub struct Sam {
     encoder: Network,
     decoder: Arc<Decoder>,
 }
 
-/// Mean and deviation of red, green and blue that the encoder was trained with.
+/// Mean and standard deviation per channel with which the encoder was trained.
 const MEAN: [f32; 3] = [123.675, 116.28, 103.53];
 const DEVIATION: [f32; 3] = [58.395, 57.12, 57.375];
 
 impl Sam {
-    /// The networks `sam-vit-b`, `mobile-sam` or `efficient-sam` of a folder of networks.
+    /// Loads the networks `sam-vit-b`, `mobile-sam` or `efficient-sam` from a model folder.
     ///
     /// # Errors
-    /// When it is not installed there, does not load, or ONNX Runtime is missing.
+    /// Fails if the networks are not installed there, do not load, or ONNX Runtime is missing.
     pub fn load(folder: &Path, name: &str) -> Result<Self, NnError> {
         let pair = <[Network; 2]>::try_from(load(folder, name)?);
         let [encoder, decoder] =
@@ -36,12 +38,15 @@ impl Sam {
         Self::new(encoder, decoder)
     }
 
-    /// Of an encoder `image` [1, 3, side, side] → `image_embeddings` [1, channels, cells, cells] and a decoder with the
-    /// inputs and outputs of the official export; or of both with those of the official export of `EfficientSAM`, whose
-    /// encoder takes `batched_images` [1, 3, rows, columns] of any size.
+    /// Combines an encoder and a decoder.
+    ///
+    /// The encoder maps `image` [1, 3, side, side] to `image_embeddings` [1, channels, cells,
+    /// cells]; the decoder has the inputs and outputs of the official export. Alternatively, both
+    /// are those of the official export of `EfficientSAM`, whose encoder takes `batched_images` [1,
+    /// 3, rows, columns] of any size.
     ///
     /// # Errors
-    /// [`NnError::Mismatch`] where the two do not belong together.
+    /// [`NnError::Mismatch`] if the two do not belong together.
     pub fn new(encoder: Network, decoder: Network) -> Result<Self, NnError> {
         let decoder = Decoder::new(decoder)?;
         let side = decoder.canvas().side;
@@ -68,22 +73,27 @@ impl Sam {
         })
     }
 
-    /// The file of the network that embeds.
+    /// Returns the file of the encoder.
     #[must_use]
     pub fn encoder(&self) -> &Path {
         self.encoder.path()
     }
 
-    /// Pixels along each side of the square that the encoder sees; larger pictures are shrunk to it.
+    /// Returns the side of the square that the encoder sees, pixels.
+    ///
+    /// Larger images are shrunk to it.
     #[must_use]
     pub fn side(&self) -> usize {
         self.decoder.canvas().side
     }
 
-    /// Embeds a part of a picture; a small one shows the network more of thin things than the whole picture does.
+    /// Embeds a part of an image.
+    ///
+    /// In a small part, the network sees more of thin objects than in the whole image.
     ///
     /// # Errors
-    /// [`MaskError::Request`] for a part that is not in the picture, [`MaskError::Stopped`], or what the network says.
+    /// [`MaskError::Request`] for a part that is not within the image, [`MaskError::Stopped`], or
+    /// the error of the network.
     pub fn embed(
         &self,
         image: &Image,
@@ -140,15 +150,15 @@ impl Sam {
         })
     }
 
-    /// Bytes that a frame of these networks holds.
+    /// Returns the number of bytes that a frame of these networks holds.
     pub(super) fn bytes_of_frame(&self) -> usize {
         bytes_of(&self.decoder)
     }
 
-    /// A frame that answers prompts, from an embedding that these networks made.
+    /// Creates a frame that answers prompts from an embedding of these networks.
     ///
     /// # Errors
-    /// [`MaskError::Network`] where it is of another network.
+    /// [`MaskError::Network`] if the embedding is from another network.
     pub fn frame(&self, embedding: &Embedding) -> Result<SamFrame, MaskError> {
         SamFrame::new(Arc::clone(&self.decoder), embedding)
     }
@@ -170,7 +180,7 @@ impl Segmenter for Sam {
     }
 }
 
-/// Whether the only input is a picture of three colours with that many rows and columns, `None` = any.
+/// Returns whether the only input is a colour image of that many rows and columns (`None` = any).
 fn takes(signature: &Signature, name: &str, size: [Option<usize>; 2]) -> bool {
     let [port] = signature.inputs.as_slice() else {
         return false;
@@ -179,7 +189,7 @@ fn takes(signature: &Signature, name: &str, size: [Option<usize>; 2]) -> bool {
         && matches!(port.shape.as_slice(), [_, Some(3), rows, columns] if [*rows, *columns] == size)
 }
 
-/// The pixels of a part, row by row.
+/// Returns the pixels of a part, row by row.
 fn pixels(image: &Image, part: Part) -> Vec<[u8; 3]> {
     let rows = image
         .pixels
@@ -191,7 +201,7 @@ fn pixels(image: &Image, part: Part) -> Vec<[u8; 3]> {
         .collect()
 }
 
-/// The part as `EfficientSAM` takes it, which fits it to its square itself: colours from 0 to 1.
+/// Returns the part with colours from 0 to 1; `EfficientSAM` resizes it to its square itself.
 fn fed_unscaled(image: &Image, part: Part) -> Result<Tensor, NnError> {
     let pixels = pixels(image, part);
     let plane = |channel: usize| {
@@ -205,7 +215,10 @@ fn fed_unscaled(image: &Image, part: Part) -> Result<Tensor, NnError> {
     )
 }
 
-/// The part as the encoder takes it: its longer side as long as the square, normalised, then zeros to the right and below.
+/// Returns the part as the encoder expects it.
+///
+/// Its longer side is as long as the square. Colours are normalised, and the rest at the right and
+/// below is zero.
 fn fed(image: &Image, part: Part, canvas: Canvas) -> Result<Tensor, NnError> {
     let (shown, side) = (part.shown(canvas), canvas.side);
     let small = resized(

@@ -1,5 +1,7 @@
-//! One label may lie on several objects, but the network is never asked about two at once: each object has its own
-//! prompt, and the label is all of them together.
+//! Several objects under one label.
+//!
+//! The network is never prompted for two objects at once: each object has its own prompt, and the
+//! label is the union of all of them.
 
 use std::sync::Arc;
 
@@ -13,7 +15,7 @@ pub(super) struct Objects<'a> {
     frame: &'a SamFrame,
     objects: Vec<Object>,
     excludes: Vec<Click>,
-    /// What is taken as it is.
+    /// Pixels that are kept unchanged.
     kept: Region,
 }
 
@@ -22,17 +24,19 @@ struct Object {
     within: Option<PxBox>,
     clicks: Vec<Click>,
     answer: Arc<Answer>,
-    /// The pixels that the answer stands for where it was not the network that gave it.
+    /// Pixels of the answer if it was not predicted by the network.
     given: Option<Region>,
 }
 
-/// Overlap from which on a mask is what the clicks gave, and was not painted or tracked since.
+/// Minimum IoU at which a mask counts as the result of the clicks, not painted or tracked since.
 const SAME_IOU: f64 = 0.9;
-/// How often exclude clicks that a new answer covers are given: the network may ignore them.
+/// Maximum number of passes over the exclude clicks: the network may ignore them.
 const ROUNDS: usize = 2;
 
 impl<'a> Objects<'a> {
-    /// The objects that boxes and clicks in the order given mean; every click is answered before the next.
+    /// Builds the objects of boxes and clicks.
+    ///
+    /// Clicks are applied one by one, in the order given.
     pub fn of(frame: &'a SamFrame, boxes: &[PxBox], clicks: &[Click]) -> Result<Self, MaskError> {
         let (width, height) = frame.size();
         let mut found = Self {
@@ -54,8 +58,10 @@ impl<'a> Objects<'a> {
         Ok(found)
     }
 
-    /// The parts of a mask that came from elsewhere, with the include clicks that lie on them. Each is looked at as an
-    /// object only once a click asks for it, and is kept as it is otherwise.
+    /// Builds one object per connected part of a mask from elsewhere.
+    ///
+    /// Each object gets the include clicks that lie on it. The network sees an object only once a
+    /// click changes it; all others stay as they are.
     pub fn of_region(frame: &'a SamFrame, region: &Region, clicks: &[Click]) -> Self {
         let parts = components(region, Connectivity::Eight);
         let numbers = 1..=u32::try_from(parts.areas.len()).unwrap_or(u32::MAX);
@@ -111,7 +117,7 @@ impl<'a> Objects<'a> {
         }
     }
 
-    /// Whether a mask is what the objects give, but for what other labels took.
+    /// Returns whether the objects result in `mask`, except for pixels taken by other labels.
     pub fn agree_with(&self, mask: &Region, taken: Option<&Region>) -> bool {
         let mut own = self.region();
         if let Some(taken) = taken {
@@ -120,7 +126,7 @@ impl<'a> Objects<'a> {
         own.iou(mask) >= SAME_IOU
     }
 
-    /// Answers one more click.
+    /// Applies one more click.
     pub fn add(&mut self, click: &Click) -> Result<(), MaskError> {
         if click.include {
             self.include(click)?;
@@ -154,7 +160,7 @@ impl<'a> Objects<'a> {
         }
     }
 
-    /// Asks for the object again with one more click, refining its answer.
+    /// Refines the answer of an object with one more click.
     fn refine(&mut self, at: usize, click: &Click) -> Result<(), MaskError> {
         let object = &mut self.objects[at];
         object.clicks.push(*click);
@@ -162,15 +168,16 @@ impl<'a> Objects<'a> {
             self.frame
                 .ask(&object.clicks, object.within.as_ref(), Some(&object.answer))?;
         if let Some(mut given) = object.given.take() {
-            // The answer says nothing of pixels outside the part that the network sees.
+            // The answer does not extend to pixels outside the part that the network sees.
             given.subtract(&self.frame.part().region(given.width, given.height));
             self.kept.unite(&given);
         }
         Ok(())
     }
 
-    /// Exclude clicks go to the object whose answer covers them: those elsewhere (other labels' clicks among
-    /// them) are right already.
+    /// Adds exclude clicks to the objects whose answers cover them.
+    ///
+    /// Clicks elsewhere, including those of other labels, are satisfied already.
     fn refine_by_excludes(&mut self) -> Result<(), MaskError> {
         for _ in 0..ROUNDS {
             let mut all_right = true;
@@ -221,7 +228,7 @@ impl<'a> Objects<'a> {
             .position(|object| self.covers(object, click))
     }
 
-    /// The object that an answer shares most with; one that it only touches will do.
+    /// Returns the object that shares the most cells with an answer; touching it is enough.
     fn touched_by(&self, answer: &Answer) -> Option<usize> {
         let fine = self.frame.fine();
         let near = grown(&answer.logits, fine);
@@ -243,7 +250,7 @@ impl<'a> Objects<'a> {
             .map(|(at, _)| at)
     }
 
-    /// All objects together.
+    /// Returns the union of all objects.
     pub fn region(&self) -> Region {
         let mut all = self.kept.clone();
         for object in &self.objects {
@@ -256,7 +263,7 @@ impl<'a> Objects<'a> {
     }
 }
 
-/// Which cells are inside, and those that touch them.
+/// Returns which cells are inside or touch a cell that is inside.
 fn grown(logits: &[f32], fine: usize) -> Vec<bool> {
     let mut near = vec![false; logits.len()];
     for at in (0..logits.len()).filter(|&at| logits[at] > 0.0) {

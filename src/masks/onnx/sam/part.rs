@@ -2,35 +2,39 @@ use glam::DVec2;
 
 use crate::{Prompt, PxBox, Region};
 
-/// The square that the networks see a part of a picture on.
+/// The square on which the networks see a part of an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Canvas {
-    /// Pixels along each side.
+    /// Side length, pixels.
     pub side: usize,
-    /// Whether a part fills all of it, whatever its shape; else its longer side does, with nothing right and below.
+    /// Whether a part fills the whole square, whatever its shape.
+    ///
+    /// Otherwise its longer side does, with padding at the right or below.
     pub is_filled: bool,
 }
 
-/// The part of a picture that the network looks at, in whole pixels.
+/// The part of an image that the network sees, in whole pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Part {
     /// First column.
     pub x: u32,
     /// First row.
     pub y: u32,
-    /// Columns, at least one.
+    /// Number of columns, at least one.
     pub width: u32,
-    /// Rows, at least one.
+    /// Number of rows, at least one.
     pub height: u32,
 }
 
-/// Room around the prompt of a close-up, as a share of the prompt's extent.
+/// Margin around the prompt of a close-up, relative to the prompt's extent.
 const ROOM: f64 = 1.0;
-/// A close-up is at least this share of the network's side, in pixels: more enlargement shows nothing more.
+/// Minimum side of a close-up, relative to the network's side.
+///
+/// A smaller part would only be enlarged further, without showing more.
 const LEAST_SHARE: f64 = 0.25;
 
 impl Part {
-    /// All of a picture.
+    /// Returns the whole image as a part.
     #[must_use]
     pub fn whole(width: u32, height: u32) -> Self {
         Self {
@@ -41,8 +45,11 @@ impl Part {
         }
     }
 
-    /// The square around a prompt, for things too thin for the whole picture at the network's `side` of pixels: with
-    /// room around it, inside the picture; `None` for an empty prompt, or where the whole picture is hardly larger.
+    /// Returns a square around a prompt, for objects too thin for the whole image.
+    ///
+    /// The square has a margin around the prompt and lies inside the image. `side` is that of the
+    /// network, in pixels. Returns `None` for an empty prompt, or if the whole image is hardly
+    /// larger.
     #[must_use]
     pub fn around(prompt: &Prompt, width: u32, height: u32, side: usize) -> Option<Self> {
         let corners = prompt
@@ -76,7 +83,7 @@ impl Part {
         })
     }
 
-    /// Whether it lies within a picture and holds a pixel.
+    /// Returns whether the part lies within an image and contains a pixel.
     pub(super) fn is_within(&self, width: u32, height: u32) -> bool {
         let fits = |first: u32, count: u32, all: u32| {
             count > 0 && first.checked_add(count).is_some_and(|end| end <= all)
@@ -84,13 +91,13 @@ impl Part {
         fits(self.x, self.width, width) && fits(self.y, self.height, height)
     }
 
-    /// Whether a position in pixels of the picture falls on one of its pixels.
+    /// Returns whether a position in image pixels lies on a pixel of the part.
     pub(super) fn holds(&self, at_px: DVec2) -> bool {
         let at = at_px - self.origin();
         at.x >= 0.0 && at.y >= 0.0 && at.x < f64::from(self.width) && at.y < f64::from(self.height)
     }
 
-    /// Its pixels in a picture.
+    /// Returns the part's pixels as a region of the image.
     pub(super) fn region(&self, width: u32, height: u32) -> Region {
         let mut region = Region::empty(width, height);
         let rows = region
@@ -102,7 +109,7 @@ impl Part {
         region
     }
 
-    /// Columns and rows that it takes of the network's square.
+    /// Returns the columns and rows that the part covers on the network's square.
     pub(super) fn shown(&self, canvas: Canvas) -> (usize, usize) {
         let side = canvas.side;
         if canvas.is_filled {
@@ -113,12 +120,16 @@ impl Part {
         (shown(self.width), shown(self.height))
     }
 
-    /// A click as the network takes it: in pixels of its square, counted from the middle of the first.
+    /// Converts a click to pixels of the network's square.
+    ///
+    /// Positions are relative to the centre of the first pixel.
     pub(super) fn canvas_point(&self, at_px: DVec2, canvas: Canvas) -> [f32; 2] {
         self.on_canvas(at_px - 0.5, canvas)
     }
 
-    /// The corners of a box, cut to the part, as the network takes them: the middles of its first and of its last pixel.
+    /// Converts a box to points on the network's square.
+    ///
+    /// The box is clipped to the part. The points are the centres of its first and last pixel.
     pub(super) fn canvas_corners(&self, within: &PxBox, canvas: Canvas) -> [[f32; 2]; 2] {
         let end = self.origin() + DVec2::new(self.width.into(), self.height.into());
         let cut = |corner: DVec2| corner.clamp(self.origin(), end);

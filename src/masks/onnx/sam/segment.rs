@@ -1,4 +1,4 @@
-//! A frame answers prompts, and finds everything in the picture.
+//! Prompts to a frame, and segmentation of everything in the image.
 
 use glam::DVec2;
 
@@ -10,18 +10,21 @@ use crate::onnx::non_maximum_suppression::non_maximum_suppression;
 use crate::{Click, MaskError, PreparedFrame, Prompt, Proposal, PxBox, Region, SegmentRequest};
 use ostra_core::job::Progress;
 
-/// Settings of [`SamFrame::everything`].
+/// Options of [`SamFrame::everything`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EverythingOptions {
-    /// Points along each side of the grid that is clicked; each costs a run of the decoder.
+    /// Number of grid points along each side; each costs a run of the decoder.
     pub points_per_side: u32,
-    /// Least predicted IoU of a mask, 0–1.
+    /// Minimum predicted IoU of a mask, 0–1.
     pub least_score: f32,
-    /// Least share of a mask that stays when the threshold of its logits rises from −`offset` to `offset`, 0–1.
+    /// Minimum stability of a mask, 0–1.
+    ///
+    /// Stability is the share of a mask that remains when the threshold of its logits rises from
+    /// −`offset` to `offset`.
     pub least_stability: f32,
-    /// In logits.
+    /// Offset of the logit threshold for the stability.
     pub offset: f32,
-    /// IoU of bounding boxes above which two masks are one thing, 0–1.
+    /// Bounding-box IoU above which two masks are the same object, 0–1.
     pub most_overlap: f64,
 }
 
@@ -71,11 +74,13 @@ impl PreparedFrame for SamFrame {
 }
 
 impl SamFrame {
-    /// Masks of all things in the picture, the surest first: a grid of points is clicked, every mask of every click that
-    /// is sure and stable enough counts, and of those with nearly the same bounding box the surest.
+    /// Returns masks of all objects in the image, highest score first.
+    ///
+    /// Every point of a grid is clicked. Of the masks with a sufficient score and stability, only
+    /// the best of those with nearly the same bounding box is kept.
     ///
     /// # Errors
-    /// [`MaskError::Stopped`], or what the network says.
+    /// [`MaskError::Stopped`], or the error of the network.
     pub fn everything(
         &self,
         options: &EverythingOptions,
@@ -99,7 +104,7 @@ impl SamFrame {
             })?;
             found.extend(masks.iter().filter_map(|mask| self.proposal(mask, options)));
         }
-        // Stable: of equal scores the first, row by row.
+        // Stable sort: of equal scores the first, row by row.
         found.sort_by(|a, b| b.score.total_cmp(&a.score));
         Ok(non_maximum_suppression(
             found,
@@ -184,7 +189,7 @@ impl SamFrame {
         )))
     }
 
-    /// The object's pixels before other labels are looked at.
+    /// Returns the object's pixels before those of other labels are removed.
     fn found(
         &self,
         prompt: &Prompt,
@@ -203,7 +208,7 @@ impl SamFrame {
     }
 }
 
-/// What was clicked is as the click says, whatever the network thinks: the pixel and those that touch it.
+/// Enforces a click on its pixel and the pixels that touch it, whatever the network predicts.
 pub(super) fn hold(region: &mut Region, click: &Click) {
     let (x, y) = (click.at_px.x as u32, click.at_px.y as u32);
     for y in y.saturating_sub(1)..=(y + 1).min(region.height - 1) {
@@ -213,7 +218,7 @@ pub(super) fn hold(region: &mut Region, click: &Click) {
     }
 }
 
-/// The box around a region; `None` for an empty one.
+/// Returns the bounding box of a region; `None` if it is empty.
 fn extent(region: &Region) -> Option<PxBox> {
     let width = region.width as usize;
     let inside = region

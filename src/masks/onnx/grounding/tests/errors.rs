@@ -1,4 +1,4 @@
-//! What cannot be asked, and networks that are others.
+//! Invalid requests and networks that do not fit.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use ostra_frames::Image;
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn what_cannot_be_looked_for_is_told_in_one_line() {
+fn invalid_requests_are_errors_of_one_line() {
     let dino = network(&tiny(), "grounding-tiny.onnx");
     let small = Image {
         width: 2,
@@ -53,7 +53,7 @@ fn what_cannot_be_looked_for_is_told_in_one_line() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn other_networks_and_vocabularies_are_refused() {
+fn other_networks_and_vocabularies_are_rejected() {
     let runtime = runtime();
     let words = std::fs::read_to_string(tiny().join("vocab.txt")).unwrap();
     let other = tiny().join("../sam-tiny/sam-tiny-encoder.onnx");
@@ -72,7 +72,7 @@ fn other_networks_and_vocabularies_are_refused() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn a_stopped_run_gives_no_answer() {
+fn stopped_run_returns_no_answer() {
     let dino = network(&tiny(), "grounding-tiny.onnx");
     let (image, stopped) = (picture(&tiny().join("frame-0.png")), Progress::default());
     stopped.stop();
@@ -82,7 +82,7 @@ fn a_stopped_run_gives_no_answer() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn another_threshold_costs_no_run() {
+fn new_threshold_reuses_the_last_answer() {
     let dino = network(&tiny(), "grounding-tiny.onnx");
     let image = picture(&tiny().join("frame-1.png"));
     let look = |image: &Image, words: &[&str]| {

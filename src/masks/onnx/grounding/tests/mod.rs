@@ -9,17 +9,16 @@ use super::GroundingDino;
 use ostra_compute::nn::{Network, Runtime};
 use ostra_frames::Image;
 
-/// A small network of random weights with reference answers (`tests/parity/grounding.py` makes it).
+/// A small network of random weights with reference answers (by `tests/parity/grounding.py`).
 fn tiny() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/parity/grounding-tiny")
 }
 
-/// What runs networks.
 fn runtime() -> Runtime {
     Runtime::find().unwrap()
 }
 
-/// The network of a folder that `tests/parity/grounding.py` wrote.
+/// Loads the network in a folder that `tests/parity/grounding.py` wrote.
 fn network(folder: &Path, name: &str) -> GroundingDino {
     let network = Network::load(&runtime(), &folder.join(name), None).unwrap();
     let vocabulary = std::fs::read_to_string(folder.join("vocab.txt")).unwrap();

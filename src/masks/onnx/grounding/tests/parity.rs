@@ -1,4 +1,4 @@
-//! The network and what is done around it, beside the reference's answers on the same weights.
+//! Compares the network and its pre- and postprocessing with the reference on the same weights.
 
 use std::path::{Path, PathBuf};
 
@@ -9,10 +9,12 @@ use super::{network, picture, tiny};
 use ostra_core::job::Progress;
 use ostra_frames::Image;
 
-/// Largest difference of a box (shares of the picture) or a score.
+/// Maximum difference of a box (fractions of the image) or a score.
 const TOLERANCE: f64 = 1e-3;
-/// By how many places a query may be beside in a full-size network: of two cells whose scores are alike to rounding either
-/// may become the earlier query. None are alike in the network committed here.
+/// Maximum shift of a query in a full-size network, in places.
+///
+/// If the scores of two cells are equal up to rounding, either may become the earlier query. No
+/// scores are that close in the network committed here.
 const SWAPPED: usize = 1;
 
 #[derive(Deserialize)]
@@ -34,7 +36,7 @@ struct Case {
     boxes: Place,
 }
 
-/// Where a tensor lies in `reference.bin`.
+/// Position of a tensor in `reference.bin`.
 #[derive(Deserialize)]
 struct Place {
     start: usize,
@@ -69,7 +71,7 @@ impl Folder {
     }
 }
 
-/// Largest difference in each row, in increasing order; a row may be `beside` places away.
+/// Returns the largest difference in each row, ascending; a row may be shifted by `beside` places.
 fn by_rows(expected: &[f32], found: &[f32], width: usize, beside: usize) -> Vec<f64> {
     assert_eq!(expected.len(), found.len());
     let found: Vec<&[f32]> = found.chunks_exact(width).collect();
@@ -100,11 +102,11 @@ fn deviation(values: &[f32]) -> f64 {
         .sqrt()
 }
 
-/// Differences of an answer, query by query.
+/// Differences of an answer, per query.
 struct Difference {
     boxes: Vec<f64>,
     scores: Vec<f64>,
-    /// In standard deviations of the reference's.
+    /// In standard deviations of the reference's logits.
     logits: Vec<f64>,
 }
 
@@ -136,10 +138,10 @@ fn compare(
     }
 }
 
-/// The folder committed here, or the one that `OSTRA_PARITY_GROUNDING` names.
+/// Uses the folder committed here, or the one that `OSTRA_PARITY_GROUNDING` names.
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn every_box_and_score_is_that_of_the_reference() {
+fn boxes_and_scores_match_the_reference() {
     let named = std::env::var_os("OSTRA_PARITY_GROUNDING").map(PathBuf::from);
     let beside = if named.is_some() { SWAPPED } else { 0 };
     let folder = Folder::open(&named.unwrap_or_else(tiny));
@@ -174,7 +176,7 @@ fn every_box_and_score_is_that_of_the_reference() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn blue_for_red_and_half_a_pixel_are_noticed() {
+fn swapped_channels_and_half_pixel_shifts_are_detected() {
     let folder = Folder::open(&tiny());
     let dino = network(&folder.path, &folder.reference.network);
     let of = &folder.reference.frames[0];

@@ -1,4 +1,4 @@
-//! What does not fit is told in one line; embeddings can be kept.
+//! Errors are one line, and embeddings can be stored.
 
 use super::super::{Embedding, Part, Sam};
 use super::{flat, networks, runtime, tiny};
@@ -17,7 +17,7 @@ fn grey() -> Image {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn networks_that_do_not_belong_together_are_refused() {
+fn networks_that_do_not_belong_together_are_rejected() {
     let runtime = runtime();
     let load = |file: &str| Network::load(&runtime, &tiny().join(file), None).unwrap();
     let (encoder, decoder) = ("sam-tiny-encoder.onnx", "sam-tiny-decoder.onnx");
@@ -64,7 +64,7 @@ fn networks_that_do_not_belong_together_are_refused() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn kept_embedding_is_the_same_again() {
+fn stored_embedding_is_read_back_unchanged() {
     let sam = networks(&tiny(), "sam-tiny-encoder.onnx", "sam-tiny-decoder.onnx");
     let part = Part {
         x: 8,
@@ -97,7 +97,7 @@ fn kept_embedding_is_the_same_again() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn parts_and_prompts_outside_the_picture_are_refused() {
+fn parts_and_prompts_outside_the_image_are_rejected() {
     let sam = flat();
     let image = std::sync::Arc::new(grey());
     for part in [

@@ -9,22 +9,22 @@ use std::path::{Path, PathBuf};
 use super::Sam;
 use ostra_compute::nn::{Network, Runtime};
 
-/// Small networks of random weights with reference answers (`tests/parity/sam.py` makes them).
+/// Small networks of random weights with reference answers (created by `tests/parity/sam.py`).
 fn tiny() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/parity/sam-tiny")
 }
 
-/// The same with the interface of `EfficientSAM` (`tests/parity/efficient_sam.py`).
+/// Same with the interface of `EfficientSAM` (`tests/parity/efficient_sam.py`).
 fn tiny_efficient() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/parity/efficient-sam-tiny")
 }
 
-/// Networks that see flat colours.
+/// Networks that segment flat colours.
 fn flat() -> Sam {
     of_flat_colours("sam-flat")
 }
 
-/// The same with the interface of `EfficientSAM`.
+/// Same with the interface of `EfficientSAM`.
 fn flat_efficient() -> Sam {
     of_flat_colours("efficient-sam-flat")
 }
@@ -36,12 +36,11 @@ fn of_flat_colours(folder: &str) -> Sam {
     networks(&folder, "encoder.onnx", "decoder.onnx")
 }
 
-/// What runs networks.
 fn runtime() -> Runtime {
     Runtime::find().unwrap()
 }
 
-/// The networks of two files in a folder.
+/// Loads the networks of two files in a folder.
 fn networks(folder: &Path, encoder: &str, decoder: &str) -> Sam {
     let runtime = runtime();
     let load = |file: &str| Network::load(&runtime, &folder.join(file), None).unwrap();

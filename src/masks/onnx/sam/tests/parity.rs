@@ -1,4 +1,4 @@
-//! The networks and what is done around them, beside the reference's answers on the same weights.
+//! Compares the networks and their pre- and postprocessing with the reference on the same weights.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use crate::{Click, PxBox};
 use ostra_core::job::Progress;
 use ostra_frames::Image;
 
-/// Largest difference, in standard deviations of the reference's tensor.
+/// Maximum difference, in standard deviations of the reference's tensor.
 const TOLERANCE: f64 = 1e-3;
 
 #[derive(Deserialize)]
@@ -30,12 +30,12 @@ struct FrameReference {
     cases: Vec<Case>,
 }
 
-/// Positions count pixels from the middle of the first.
+/// One prompt. Positions are in pixels, relative to the centre of the first pixel.
 #[derive(Deserialize)]
 struct Case {
     clicks: Vec<(f64, f64, u8)>,
     boxes: Vec<[f64; 4]>,
-    /// Which case's answer is refined.
+    /// Case whose answer is refined.
     after: Option<usize>,
     iou: f64,
     covers: f64,
@@ -43,7 +43,7 @@ struct Case {
     logits: Option<Place>,
 }
 
-/// Where a tensor lies in `reference.bin`.
+/// Position of a tensor in `reference.bin`.
 #[derive(Deserialize)]
 struct Place {
     start: usize,
@@ -92,7 +92,7 @@ impl Folder {
     }
 }
 
-/// Largest difference of two tensors in standard deviations of the first.
+/// Returns the largest difference of two tensors, in standard deviations of the first.
 fn difference(expected: &[f32], found: &[f32]) -> f64 {
     assert_eq!(expected.len(), found.len());
     let count = expected.len() as f64;
@@ -110,7 +110,7 @@ fn difference(expected: &[f32], found: &[f32]) -> f64 {
     largest / variance.sqrt()
 }
 
-/// Asks a frame what the reference was asked, clicks `shift_px` beside.
+/// Runs the cases of the reference on a frame, with clicks shifted by `shift_px`.
 fn answers(frame: &SamFrame, cases: &[Case], shift_px: f64) -> Vec<Arc<Answer>> {
     let mut given: Vec<Arc<Answer>> = Vec::new();
     for case in cases {
@@ -134,7 +134,7 @@ fn answers(frame: &SamFrame, cases: &[Case], shift_px: f64) -> Vec<Arc<Answer>> 
     given
 }
 
-/// Largest difference of the embedding, and of anything that a frame's cases give.
+/// Returns the largest difference of the embedding, and of all results of a frame's cases.
 fn compare(
     folder: &Folder,
     of: &FrameReference,
@@ -162,7 +162,10 @@ fn compare(
     (embedded, answered)
 }
 
-/// The folders committed here, or those that `OSTRA_PARITY_SAM` and `OSTRA_PARITY_EFFICIENT_SAM` name.
+/// Opens the reference folders.
+///
+/// They are those committed here, unless `OSTRA_PARITY_SAM` and `OSTRA_PARITY_EFFICIENT_SAM` name
+/// others.
 fn folders() -> [Folder; 2] {
     let named = |variable: &str, committed: fn() -> PathBuf| {
         Folder::open(&std::env::var_os(variable).map_or_else(committed, PathBuf::from))
@@ -175,7 +178,7 @@ fn folders() -> [Folder; 2] {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn every_tensor_is_that_of_the_reference() {
+fn all_tensors_match_the_reference() {
     for folder in folders() {
         let sam = folder.networks();
         for of in &folder.reference.frames {
@@ -200,7 +203,7 @@ fn every_tensor_is_that_of_the_reference() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn blue_for_red_and_half_a_pixel_are_noticed() {
+fn swapped_channels_and_half_pixel_shifts_are_detected() {
     for committed in [tiny(), tiny_efficient()] {
         let folder = Folder::open(&committed);
         let sam = folder.networks();

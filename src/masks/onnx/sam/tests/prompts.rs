@@ -1,4 +1,4 @@
-//! What the networks are asked, with networks that see flat colours (`tests/parity/flat.py`).
+//! Prompts, tested with networks that segment flat colours (`tests/parity/flat.py`).
 
 mod close_ups;
 
@@ -17,7 +17,7 @@ const HEIGHT: u32 = 192;
 const RED: [u32; 4] = [32, 32, 80, 96];
 const GREEN: [u32; 4] = [144, 48, 208, 112];
 
-/// Two things on a grey ground, by their first and last columns and rows.
+/// Returns an image of two objects on a grey background.
 fn picture() -> Image {
     let colour = |x: u32, y: u32| {
         let is_in = |[x0, y0, x1, y1]: [u32; 4]| (x0..x1).contains(&x) && (y0..y1).contains(&y);
@@ -100,7 +100,7 @@ fn answer(
         .unwrap()
 }
 
-/// The masks' edges are those of cells of four pixels.
+/// Whether two regions are equal up to the cells of four pixels that bound the masks.
 fn alike(a: &Region, b: &Region) -> bool {
     a.iou(b) > 0.9
 }
@@ -116,7 +116,7 @@ const IN_GREEN: Click = Click {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn one_click_finds_one_thing() {
+fn click_and_box_each_select_one_object() {
     let frame = whole();
     assert!(alike(&answer(&frame, &[IN_RED], &[], None), &thing(RED)));
     assert!(alike(
@@ -127,7 +127,7 @@ fn one_click_finds_one_thing() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn things_of_one_label_are_asked_for_one_at_a_time() {
+fn objects_of_one_label_are_prompted_one_at_a_time() {
     let frame = whole();
     let found = answer(&frame, &[IN_RED, IN_GREEN], &[], None);
     assert!(alike(&found, &both()), "together they would find neither");
@@ -147,7 +147,7 @@ fn things_of_one_label_are_asked_for_one_at_a_time() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn clicks_that_exclude_other_labels_do_not_disturb() {
+fn exclude_clicks_on_other_labels_have_no_effect() {
     let frame = whole();
     let rivals = [click(180.5, 80.5, false), click(10.5, 10.5, false)];
     let found = answer(&frame, &[rivals[0], rivals[1], IN_RED], &[], None);
@@ -161,7 +161,7 @@ fn clicks_that_exclude_other_labels_do_not_disturb() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn excluded_thing_goes_away_and_the_other_stays() {
+fn excluded_object_is_removed_and_the_other_stays() {
     let frame = whole();
     let clicks = [IN_RED, IN_GREEN, click(170.5, 60.5, false)];
     let found = answer(&frame, &clicks, &[], None);
@@ -170,7 +170,7 @@ fn excluded_thing_goes_away_and_the_other_stays() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn box_is_asked_for_its_middle() {
+fn box_selects_the_object_in_its_middle() {
     let frame = whole();
     let all = PxBox {
         min_px: DVec2::ZERO,
@@ -186,9 +186,9 @@ fn box_is_asked_for_its_middle() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn mask_from_elsewhere_is_refined_where_it_is_clicked() {
+fn mask_from_elsewhere_is_refined_only_where_it_is_clicked() {
     let frame = whole();
-    // Painted: half of the red thing, and the green one with ground around it.
+    // Painted: half of the red object, and the green one with background around it.
     let half = thing([32, 32, 56, 96]);
     let mut painted = thing([112, 32, 224, 128]);
     painted.unite(&half);
@@ -211,7 +211,7 @@ fn mask_from_elsewhere_is_refined_where_it_is_clicked() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn answers_do_not_depend_on_what_was_asked_before() {
+fn answers_do_not_depend_on_earlier_questions() {
     let frame = whole();
     let clicks = [
         IN_RED,
@@ -239,7 +239,7 @@ fn answers_do_not_depend_on_what_was_asked_before() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn clicked_pixels_obey_and_those_of_others_are_left() {
+fn clicks_are_enforced_and_taken_pixels_are_excluded() {
     let frame = whole();
     let prompt = Prompt {
         clicks: vec![IN_RED, click(40.5, 40.5, false)],
@@ -292,10 +292,10 @@ fn everything_is_found_once() {
     assert!(frame.everything(&options, &stopped).is_err());
 }
 
-/// Of the masks that a network without exclude clicks gives, one that leaves them out is taken.
+/// If one of the masks of a network without exclude clicks leaves them out, it is taken.
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn exclude_click_chooses_where_the_network_knows_none() {
+fn exclude_click_selects_among_masks_without_support_by_the_network() {
     let sam = flat_efficient();
     let frame = frame(&sam, Part::whole(WIDTH, HEIGHT));
     let all = answer(&frame, &[IN_RED], &[], None);
@@ -304,10 +304,12 @@ fn exclude_click_chooses_where_the_network_knows_none() {
     assert!(alike(&found, &thing(RED)), "{}", found.iou(&thing(RED)));
 }
 
-/// Where none leaves it out, what a click there would find is taken away, unless it is most of the answer.
+/// If no mask leaves the click out, the mask of a click there is subtracted.
+///
+/// If that mask is most of the answer, only the clicked pixels are removed.
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn excluded_thing_is_taken_away_where_the_network_knows_none() {
+fn excluded_object_is_subtracted_without_support_by_the_network() {
     let sam = flat_efficient();
     let frame = frame(&sam, Part::whole(WIDTH, HEIGHT));
     let around_both = [PxBox {
@@ -325,10 +327,10 @@ fn excluded_thing_is_taken_away_where_the_network_knows_none() {
     );
 }
 
-/// A part fills the square whatever its shape, and positions go with it.
+/// A part fills the square whatever its shape, and positions are scaled accordingly.
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn close_up_fills_the_square_of_a_network_that_squeezes() {
+fn close_up_fills_the_square_of_a_network_that_stretches() {
     let sam = flat_efficient();
     let frame = frame(
         &sam,
@@ -343,10 +345,10 @@ fn close_up_fills_the_square_of_a_network_that_squeezes() {
     assert!(alike(&found, &thing(RED)), "{}", found.iou(&thing(RED)));
 }
 
-/// A mask that was painted or tracked is not thrown away for what the network thinks of its middle.
+/// A painted or tracked mask is not replaced by the network's prediction at its middle.
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn excluded_thing_leaves_a_mask_from_elsewhere_where_the_network_knows_no_excludes() {
+fn excluded_object_is_removed_from_a_mask_from_elsewhere_without_support_by_the_network() {
     let sam = flat_efficient();
     let frame = frame(&sam, Part::whole(WIDTH, HEIGHT));
     let mut painted = thing([32, 32, 240, 176]);

@@ -1,4 +1,4 @@
-//! Parts of a frame, looked at from near.
+//! Close-ups: parts of a frame at full resolution.
 
 use super::*;
 
@@ -7,7 +7,7 @@ use super::*;
     clippy::too_many_lines,
     reason = "under 80 lines before rustfmt's defaults; to be split"
 )]
-fn close_up_shows_its_part_only() {
+fn close_up_covers_only_its_part() {
     let sam = flat();
     let prompt = Prompt {
         clicks: vec![IN_RED],
@@ -68,7 +68,7 @@ fn close_up_shows_its_part_only() {
         "the answer to a box covers only what is visible: {}",
         box_beyond.iou(&thing(RED))
     );
-    // A painted strip that begins outside: what the click refines inside leaves the rest alone.
+    // A painted strip that begins outside the part: refining it inside leaves the rest unchanged.
     let strip = thing([0, 60, 80, 70]);
     let refined = answer(&close, &[click(50.5, 40.5, true)], &[], Some(&strip));
     let mut expected = thing(RED);
@@ -99,7 +99,7 @@ fn close_up_shows_its_part_only() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn close_ups_are_looked_at_once_for_all_that_lies_in_them() {
+fn close_up_is_embedded_once_for_all_prompts_in_it() {
     let sam = flat();
     let close = CloseUps::new(Arc::new(sam), Arc::new(picture()));
     let answer = |clicks: &[Click], previous: Option<&Region>| {
@@ -151,7 +151,7 @@ fn close_ups_are_looked_at_once_for_all_that_lies_in_them() {
         asked(&prompt(vec![IN_GREEN])).is_err(),
         "a place that was not looked at yet can be stopped"
     );
-    // What is excluded far away is not looked at, and stays outside of what was painted there.
+    // An exclude click far away is not embedded, but still removes what was painted there.
     let painted = thing(GREEN);
     let far = Click {
         include: false,
