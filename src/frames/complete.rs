@@ -3,14 +3,15 @@ use std::io::{BufRead, BufReader, ErrorKind, Read, Seek, SeekFrom};
 
 use image::ImageFormat;
 
-/// The chunk that closes a PNG.
+/// Last chunk of a PNG.
 const PNG_END: [u8; 12] = [0, 0, 0, 0, b'I', b'E', b'N', b'D', 0xae, 0x42, 0x60, 0x82];
 
-/// An image file with more chunks is refused: walking over them would take long.
+/// Maximum number of chunks of an image file: walking over more of them would take long.
 const MAX_CHUNKS: usize = 1 << 20;
 
-/// Whether an image file reaches its end, found without decoding it and without reading it into memory; always for TIFF,
-/// which has no end.
+/// Returns whether an image file reaches its end; always true for TIFF, which has no end marker.
+///
+/// The file is neither decoded nor read into memory.
 pub(super) fn is_complete(
     reader: &mut BufReader<File>,
     format: ImageFormat,
@@ -21,7 +22,7 @@ pub(super) fn is_complete(
                 return Ok(true);
             }
             reader.rewind()?;
-            is_complete_jpeg(reader) // something may follow the image
+            is_complete_jpeg(reader) // other data may follow the image
         }
         ImageFormat::Png => Ok(ends_with(reader, &PNG_END)? || has_png_end(reader)?),
         ImageFormat::WebP => {
@@ -35,7 +36,9 @@ pub(super) fn is_complete(
     }
 }
 
-/// Whether the image data of a JPEG are closed by an end marker: decoders fill what is missing with grey.
+/// Returns whether the image data of a JPEG end with an end marker.
+///
+/// Decoders fill missing data with grey.
 pub(super) fn is_complete_jpeg(jpeg: &mut (impl BufRead + Seek)) -> std::io::Result<bool> {
     match has_jpeg_end(jpeg) {
         Err(error) if error.kind() == ErrorKind::UnexpectedEof => Ok(false),
@@ -70,8 +73,10 @@ fn has_jpeg_end(jpeg: &mut (impl BufRead + Seek)) -> std::io::Result<bool> {
     }
 }
 
-/// Whether the lossy frames of a WebP file are not larger than the image. Decoders compare the sizes only after they have
-/// decoded a frame, which may be as large as 16383 × 16383 pixels in a file of 100 bytes.
+/// Returns whether no lossy frame of a WebP file is larger than the image.
+///
+/// Decoders compare the sizes only after they have decoded a frame, which may be as large as 16383
+/// × 16383 pixels in a file of 100 bytes.
 pub(super) fn webp_frames_fit(
     reader: &mut BufReader<File>,
     width: u32,
@@ -88,7 +93,7 @@ pub(super) fn webp_frames_fit(
         let length = u64::from(u32::from_le_bytes([l0, l1, l2, l3]));
         let (mut skipped, mut taken) = (length + length % 2, 0);
         match &kind {
-            // The chunks of an animation's frame follow after its place and duration.
+            // The chunks of an animation's frame follow after its position and duration.
             b"ANMF" => skipped = 16,
             b"VP8 " if at + 10 <= end => {
                 let [_, _, _, _, _, _, w0, w1, h0, h1] = read_bytes::<10>(reader)?;
@@ -124,7 +129,7 @@ fn ends_with(reader: &mut BufReader<File>, end: &[u8]) -> std::io::Result<bool> 
     Ok(found == end)
 }
 
-/// Walks over the chunks of a PNG that something else follows.
+/// Returns whether a PNG that is followed by other data has its last chunk.
 fn has_png_end(reader: &mut BufReader<File>) -> std::io::Result<bool> {
     let length = reader.seek(SeekFrom::End(0))?;
     let mut at = reader.seek(SeekFrom::Start(8))?;
@@ -143,7 +148,7 @@ fn has_png_end(reader: &mut BufReader<File>) -> std::io::Result<bool> {
     Err(too_many_chunks())
 }
 
-/// The code of the next marker of a JPEG.
+/// Reads the code of the next marker of a JPEG.
 pub(super) fn next_marker(reader: &mut impl Read) -> std::io::Result<u8> {
     let [mut byte] = read_bytes(reader)?;
     while byte != 0xff {
@@ -155,7 +160,7 @@ pub(super) fn next_marker(reader: &mut impl Read) -> std::io::Result<u8> {
     Ok(byte)
 }
 
-/// The next `N` bytes.
+/// Reads the next `N` bytes.
 pub(super) fn read_bytes<const N: usize>(reader: &mut impl Read) -> std::io::Result<[u8; N]> {
     let mut bytes = [0; N];
     reader.read_exact(&mut bytes)?;
@@ -177,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cut_picture_is_told_from_one_that_something_follows() {
+    fn truncated_image_is_distinguished_from_one_with_appended_data() {
         for format in [ImageFormat::Jpeg, ImageFormat::Png, ImageFormat::WebP] {
             let mut whole = std::io::Cursor::new(Vec::new());
             image::RgbImage::from_fn(60, 40, |x, y| image::Rgb([x as u8, y as u8, 9]))
@@ -199,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn files_of_countless_chunks_are_refused() {
+    fn files_with_too_many_chunks_are_refused() {
         let file = tempfile::NamedTempFile::new().unwrap();
         let open = |start: &[u8], chunk: &[u8]| {
             std::fs::write(
@@ -237,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn the_end_of_an_embedded_thumbnail_is_not_the_end() {
+    fn end_of_an_embedded_thumbnail_is_not_the_end() {
         let thumbnail = [0xff, 0xe1, 0, 6, 1, 2, 0xff, 0xd9];
         let cut = [
             &[0xff, 0xd8],

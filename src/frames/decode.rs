@@ -13,24 +13,27 @@ use super::tiff_samples::WORKING_BYTES;
 use super::tiff_samples::read_depth_samples;
 use super::{DepthMap, FrameError, Image, Orientation};
 
-// Nothing here may run on rayon's pool: a thread that waits there for parts of its own image could steal work that
-// asks the cache for the same image and wait for itself.
+// Nothing here may run on rayon's pool. A thread that waits there for parts of its own image could
+// steal work that requests the same image from the cache, and wait for itself.
 
-/// The colour behind transparent pixels. What they hide is not shown: programs that cut out an object often leave the
-/// background's colours under an alpha of 0.
+/// Grey value that replaces transparent pixels.
+///
+/// Their own colours are not shown: programs that cut out an object often leave the background's
+/// colours under an alpha of 0.
 const BEHIND: u8 = 128;
 
-/// Pixels next to a transparent one that count as transparent too: features on the edge of a cut-out object do not
-/// belong to a place on it.
+/// Distance in pixels up to which neighbours of a transparent pixel count as transparent, too.
+///
+/// Features on the edge of a cut-out object do not belong to a point on it.
 const EDGE_PX: usize = 3;
 
-/// Bytes that a decoder may allocate for a pixel: colours of 16 bits with alpha, twice.
+/// Bytes that a decoder may allocate for a pixel: twice the size of 16-bit colours with alpha.
 const WORKING_BYTES_PER_PIXEL: u64 = 16;
 
-/// An error where an image does not have the size, as shown, that it must have. It is called before anything is decoded.
+/// Returns an error if an image does not have the expected size, as shown; called before decoding.
 pub(super) type CheckSize<'a> = &'a dyn Fn((u32, u32)) -> Result<(), FrameError>;
 
-/// Decodes an image file and turns it upright. Transparent pixels are grey.
+/// Decodes an image file and rotates it upright; transparent pixels become grey.
 pub(super) fn decode_picture(
     path: &Path,
     orientation: Orientation,
@@ -75,7 +78,7 @@ pub(super) fn decode_picture(
     })
 }
 
-/// The value of white in an image whose colours are floats. Decodes the image.
+/// Returns the value of white in an image with float colours, which is decoded for this.
 pub(super) fn float_white(path: &Path) -> Result<f32, FrameError> {
     let source = Source::open(path, Orientation::default(), &|_| Ok(()))?;
     let pixels = source.read(float_colors)?;
@@ -97,8 +100,9 @@ fn float_colors(decoder: Box<dyn ImageDecoder + '_>) -> image::ImageResult<Vec<[
     })
 }
 
-/// Which pixels of an image, turned upright, are opaque and not next to a transparent one; `None` for an image that is
-/// opaque everywhere.
+/// Returns which pixels of an upright image are opaque and not next to a transparent one.
+///
+/// `None` for an image that is opaque everywhere.
 pub(super) fn opaque_pixels(
     path: &Path,
     orientation: Orientation,
@@ -129,7 +133,7 @@ pub(super) fn opaque_pixels(
     Ok(Some(shrunk(&opaque, size.0 as usize)))
 }
 
-/// Decodes a depth image to world units and turns it upright; what means an unknown depth becomes 0.
+/// Decodes a depth image to world units and rotates it upright; unknown values become 0.
 pub(super) fn decode_depth(
     path: &Path,
     unit: f64,
@@ -165,7 +169,7 @@ pub(super) fn decode_depth(
     })
 }
 
-/// The error for an image in the place of depth that is not one.
+/// Returns the error for an image that is given as depth but is not.
 pub(super) fn not_depth(path: &Path) -> FrameError {
     let what = "depth must be a grey image of 16 bits (PNG or TIFF) or of floats (TIFF), and this one is not; \
                 give the folder with the measured depth, not one drawn for viewing";
@@ -183,7 +187,7 @@ fn over_grey([red, green, blue, alpha]: [u8; 4]) -> [u8; 3] {
     [red, green, blue].map(|value| ((u32::from(value) * share + rest + 127) / 255) as u8)
 }
 
-/// The pixels that have no other than opaque ones within [`EDGE_PX`] rows and columns.
+/// Returns the pixels with only opaque ones within [`EDGE_PX`] rows and columns.
 fn shrunk(opaque: &[bool], width: usize) -> Vec<bool> {
     let mut in_rows = vec![false; opaque.len()];
     for (row, out) in opaque
@@ -204,7 +208,7 @@ fn shrunk(opaque: &[bool], width: usize) -> Vec<bool> {
     (0..opaque.len()).map(whole).collect()
 }
 
-/// An image file whose header was read and checked.
+/// An image file after its header was read and checked.
 struct Source<'a> {
     path: &'a Path,
     reader: BufReader<File>,
@@ -213,7 +217,7 @@ struct Source<'a> {
     orientation: Orientation,
 }
 
-/// Values of an image's pixels, turned upright.
+/// Values of an image's pixels, rotated upright.
 struct Upright<T> {
     size: (u32, u32),
     values: Vec<T>,
@@ -265,7 +269,7 @@ impl<'a> Source<'a> {
         let mut images = ImageReader::with_format(&mut self.reader, self.format);
         images.limits(limits);
         let decoded = images.into_decoder().and_then(|decoder| {
-            // The size was checked by the header; a decoder that found another one is not let loose.
+            // The size was checked by the header; a decoder that finds another one must not run.
             if decoder.dimensions() != (self.header.width, self.header.height) {
                 return Err(std::io::Error::other("it has two sizes").into());
             }
@@ -282,7 +286,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// The size as shown and the pixels of an image whose colours are floats.
+    /// Returns the size as shown and the pixels of an image with float colours.
     fn read_float_colors(self) -> Result<Upright<[u8; 4]>, FrameError> {
         let path = self.path;
         let pixels = self.read(float_colors)?;
@@ -316,17 +320,21 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Colours of resampled images go beyond their range by up to this part of it; they are clamped.
+/// Maximum relative overshoot of colours of resampled images; they are clamped.
 const TOLERANCE: f32 = 0.1;
 
-/// What white can be in an image whose colours are floats.
+/// Possible values of white in an image with float colours.
 const WHITES: [f32; 3] = [1.0, 255.0, 65535.0];
 
-/// Converts colours and alpha to bytes. The format does not say what white is: it is the smallest of [`WHITES`] that
-/// no colour exceeds by much, and likewise for the alpha.
+/// Converts colours and alpha to bytes.
+///
+/// The format does not define white: it is the smallest of [`WHITES`] that no colour exceeds by
+/// much, and likewise for the alpha.
 ///
 /// # Errors
-/// What is wrong and what to do, where a value is not a finite number, negative or larger than all of them.
+///
+/// What is wrong and what to do, if a value is not a finite number, negative, or larger than all of
+/// them.
 fn to_bytes(pixels: &[[f32; 4]]) -> Result<Vec<[u8; 4]>, String> {
     let (white, opaque) = (
         white_of(pixels)?,
@@ -344,9 +352,10 @@ fn to_bytes(pixels: &[[f32; 4]]) -> Result<Vec<[u8; 4]>, String> {
     Ok(pixels.iter().map(bytes).collect())
 }
 
-/// The value of white.
+/// Returns the value of white.
 ///
 /// # Errors
+///
 /// As [`to_bytes`].
 fn white_of(pixels: &[[f32; 4]]) -> Result<f32, String> {
     range_of(pixels.iter().flat_map(|pixel| pixel[..3].iter().copied()))

@@ -4,27 +4,31 @@ use serde::{Deserialize, Serialize};
 use super::DepthMap;
 use ostra_geometry::{Camera, Pose, is_same_depth};
 
-/// Depths farther apart than this share lie on different surfaces: nothing is drawn between them.
+/// Maximum relative difference of depth on one surface.
+///
+/// Nothing is drawn between different surfaces.
 const SAME_SURFACE: f32 = 0.03;
 
-/// The camera that measured depth, where it is not the one that took the image.
+/// The camera that measured depth, if it differs from the image's camera.
 ///
-/// [`super::FrameStore`] converts such depth to the image's camera on loading, so that the vote, the trackers
-/// and the window handle one camera per frame.
+/// [`super::FrameStore`] converts such depth to the image's camera on loading, so that the vote,
+/// the trackers and the window handle one camera per frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct DepthCamera {
-    /// Intrinsics, for the depth as it is shown (turned upright).
+    /// Intrinsics for the depth as shown (rotated upright).
     pub intrinsics: Camera,
-    /// How the image's camera stands to this one; world units.
+    /// Transform from this camera's axes to those of the image's camera, in world units.
     pub picture_from_depth: Pose,
-    /// It was found with the images' camera by comparing images with depths, not given.
+    /// Whether it was estimated together with the images' camera by comparing images with depth.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub estimated: bool,
 }
 
 impl DepthCamera {
-    /// What `picture`, the image's camera, sees of what this one measured: surfaces between neighbouring pixels are drawn
-    /// as triangles, nearer ones before farther ones, and what only one of both cameras sees stays unknown.
+    /// Returns the measured depth as seen by `picture`, the image's camera.
+    ///
+    /// Surfaces between neighbouring pixels are drawn as triangles, and nearer ones hide farther
+    /// ones. Parts that only one of both cameras sees stay unknown.
     #[must_use]
     pub fn seen_by(&self, depth: &DepthMap, picture: &Camera) -> DepthMap {
         let width = depth.width as usize;
@@ -69,11 +73,11 @@ impl DepthCamera {
     }
 }
 
-/// Where a pixel of the depth camera lies in the image.
+/// Position of a pixel of the depth camera in the image.
 #[derive(Clone, Copy)]
 struct Corner {
     at_px: Vec2,
-    /// 0 = unknown.
+    /// Depth; 0 = unknown.
     depth: f32,
 }
 
@@ -90,7 +94,7 @@ fn is_surface(corners: &[Corner; 3]) -> bool {
     nearest > 0.0 && is_same_depth(depths.max_element(), nearest, SAME_SURFACE)
 }
 
-/// The nearest depth of each pixel so far; infinite = none.
+/// Nearest depth of each pixel so far; infinite = none.
 struct Canvas {
     width: u32,
     height: u32,
@@ -107,7 +111,9 @@ impl Canvas {
         }
     }
 
-    /// Draws a triangle over the pixels whose centres lie in it; the inverse of depth is linear in an image.
+    /// Draws a triangle over the pixels with centres inside it.
+    ///
+    /// Inverse depth is linear in an image.
     fn draw(&mut self, corners: &[Corner; 3]) {
         let [a, b, c] = corners.map(|corner| corner.at_px);
         let area = (b - a).perp_dot(c - a);
@@ -188,7 +194,7 @@ mod tests {
         Camera::pinhole(320, 240, 262.0, 264.0, 161.0, 118.0)
     }
 
-    /// Depth to the plane `normal · x = offset`, in the depth camera's axes.
+    /// Returns the depth of the plane `normal · x = offset`, in the depth camera's axes.
     fn plane(camera: &Camera, normal: DVec3, offset: f64) -> DepthMap {
         let depth = |pixel: u32| {
             let at_px = DVec2::new(
@@ -206,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slanted_wall_is_seen_where_it_stands() {
+    fn slanted_wall_is_seen_at_its_position() {
         let camera = depth_camera();
         let (normal, offset) = (DVec3::new(0.3, -0.2, 1.0).normalize(), 1.5);
         let seen = camera.seen_by(&plane(&camera.intrinsics, normal, offset), &picture());
@@ -240,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_near_hides_what_is_far_and_the_rest_stays_unknown() {
+    fn near_surface_hides_far_one_and_the_rest_stays_unknown() {
         let camera = DepthCamera {
             picture_from_depth: Pose {
                 translation: DVec3::X * -0.1,
@@ -257,7 +263,8 @@ mod tests {
         }
         let picture = camera.intrinsics;
         let row = &camera.seen_by(&depth, &picture).depths[60 * 160..61 * 160];
-        // The wall moves by 7.3 pixels to the left, the bar by 14.6; behind its right side nothing is known.
+        // The wall moves by 7.3 pixels to the left, the bar by 14.6; depth behind its right side is
+        // unknown.
         let is = |columns: std::ops::Range<usize>, wanted: f32| {
             columns.into_iter().all(|x| (row[x] - wanted).abs() < 1e-5)
         };
@@ -268,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn the_same_camera_sees_the_same_and_a_lone_pixel_stays() {
+    fn same_camera_sees_the_same_and_keeps_isolated_pixels() {
         let intrinsics = depth_camera().intrinsics;
         let camera = DepthCamera {
             intrinsics,

@@ -1,4 +1,4 @@
-//! Errors, and how their texts list names.
+//! Errors, and lists of names in their messages.
 
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
@@ -7,24 +7,27 @@ use ostra_core::disk;
 use ostra_core::job::Stopped;
 use ostra_geometry::GeometryError;
 
-/// What can go wrong while frames are opened or read; each says what the user can do.
+/// Errors of opening and reading frames; each says what the user can do.
 #[derive(Debug, thiserror::Error)]
 pub enum FrameError {
-    /// A file or folder cannot be read, or a file of cameras written.
+    /// A file or folder cannot be read, or a camera file cannot be written.
     #[error("{}: {}", path.display(), disk::read_fault(reason))]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said. Part of the message, so it is not this error's source: it would be printed twice.
+        /// Reason given by the system.
+        ///
+        /// It is part of the message and therefore not the error's source, which would print it
+        /// twice.
         reason: std::io::Error,
     },
-    /// A source file or folder is gone.
+    /// A source file or folder is missing.
     #[error("{}: is not there; if it was moved, run 'ostra relocate PROJECT OLD NEW' or choose File › Frames were moved", path.display())]
     Missing {
         /// The file or folder.
         path: PathBuf,
     },
-    /// A file's content is damaged or not what its place demands.
+    /// A file's content is damaged or not of the expected kind.
     #[error("{}: {what}", path.display())]
     Invalid {
         /// The file.
@@ -32,24 +35,24 @@ pub enum FrameError {
         /// What is wrong and what to do.
         what: String,
     },
-    /// A path where no frames were found, or a request that no frame fits.
+    /// A path without frames, or a request that matches no frame.
     #[error("{0}")]
     NotFound(String),
-    /// A pose or camera that cannot be.
+    /// An impossible pose or camera.
     #[error("{}: {reason}", path.display())]
     Geometry {
         /// The file.
         path: PathBuf,
-        /// What is wrong; see `Io` for its name.
+        /// Reason; see `Io` for why it is not the source.
         reason: GeometryError,
     },
-    /// The user stopped it.
+    /// The user stopped the operation.
     #[error(transparent)]
     Stopped(#[from] Stopped),
 }
 
 impl FrameError {
-    /// Tells a path that is gone from one that cannot be read.
+    /// Returns [`Self::Missing`] for a missing path and [`Self::Io`] for any other error.
     pub(super) fn io(path: &Path, reason: std::io::Error) -> Self {
         if reason.kind() == std::io::ErrorKind::NotFound {
             return Self::Missing { path: path.into() };
@@ -61,10 +64,10 @@ impl FrameError {
     }
 }
 
-/// How many names a message lists.
+/// Maximum number of names that a message lists.
 pub(super) const NAMED: usize = 3;
 
-/// The first items of a list, and how many more there are: `a, b, c and 5 more`.
+/// Returns the first items of a list and the number of others: `a, b, c and 5 more`.
 pub(super) fn first_of<T: Display>(
     all: impl ExactSizeIterator<Item = T>,
     separator: &str,
@@ -84,7 +87,7 @@ mod tests {
     use super::first_of;
 
     #[test]
-    fn the_items_that_are_not_listed_are_counted() {
+    fn items_beyond_the_limit_are_counted() {
         assert_eq!(first_of([1, 2, 3].iter(), ", "), "1, 2, 3");
         assert_eq!(first_of([1, 2, 3, 4, 5].iter(), "; "), "1; 2; 3 and 2 more");
         assert_eq!(first_of([""; 0].iter(), ", "), "");

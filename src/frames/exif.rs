@@ -5,8 +5,9 @@ use super::{Frame, PictureSource};
 /// Diagonal in millimetres of the 36 × 24 mm image that "35 mm" focal lengths refer to.
 const DIAGONAL_35MM: f64 = 43.266_615_305_567_87;
 
-/// Returns the focal length in pixels from the EXIF data of a frame's image file; `None` if there is none, for videos
-/// and for files that cannot be read.
+/// Returns the focal length in pixels from the EXIF data of a frame's image file.
+///
+/// `None` if there is none, for videos and for files that cannot be read.
 #[must_use]
 pub fn exif_focal_px(frame: &Frame) -> Option<f64> {
     let PictureSource::File { path, .. } = &frame.picture else {
@@ -17,7 +18,7 @@ pub fn exif_focal_px(frame: &Frame) -> Option<f64> {
     focal_px(&exif, f64::from(frame.width), f64::from(frame.height))
 }
 
-/// From the focal length for 35 mm film, else from focal length and pixels per length on the sensor.
+/// Returns the focal length in pixels from that for 35 mm film, else from the sensor's resolution.
 fn focal_px(exif: &Exif, width: f64, height: f64) -> Option<f64> {
     let equivalent =
         number(exif, Tag::FocalLengthIn35mmFilm).map(|mm| mm * width.hypot(height) / DIAGONAL_35MM);
@@ -35,7 +36,7 @@ fn focal_px(exif: &Exif, width: f64, height: f64) -> Option<f64> {
                 * shrunk,
         )
     });
-    // What cameras write without knowing is left out: no lens sees less than 2° or more than 170° across.
+    // Cameras may write invalid values: a lens does not see less than 2° or more than 170° across.
     focal.filter(|focal| (0.04..30.0).contains(&(focal / width.max(height))))
 }
 
@@ -52,7 +53,7 @@ fn number(exif: &Exif, tag: Tag) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// Little-endian EXIF with one entry per (tag, value): short values in IFD0 and in the EXIF IFD.
+    /// Returns little-endian EXIF data with the entries in IFD0 or the EXIF IFD.
     fn exif(entries: &[(u16, Entry)]) -> Exif {
         let mut data = Vec::from(*b"II\x2a\0\x08\0\0\0");
         let exif_ifd = 8 + 2 + 12 + 4;
@@ -94,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn from_the_35_mm_equivalent() {
+    fn focal_length_from_the_35_mm_equivalent() {
         let told = exif(&[(0xa405, Entry::Short(26))]);
         let focal = focal_px(&told, 4032.0, 3024.0).unwrap();
         assert!((focal - 3028.7).abs() < 0.1, "{focal}");
@@ -106,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn from_the_sensor() {
+    fn focal_length_from_the_sensor_resolution() {
         let told = exif(&[
             (0x920a, Entry::Rational(50, 1)),
             (0xa002, Entry::Short(4000)),
@@ -118,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_told_nothing_known() {
+    fn focal_length_is_unknown_without_resolution() {
         assert_eq!(
             focal_px(&exif(&[(0x920a, Entry::Rational(50, 1))]), 2000.0, 1000.0),
             None

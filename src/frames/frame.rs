@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::DepthCamera;
 use ostra_geometry::{Camera, Pose};
 
-/// EXIF orientation of a stored image, 1 to 8. Applying it turns the image upright.
+/// EXIF orientation of a stored image, 1 to 8. Applying it rotates the image upright.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Orientation(pub u8);
 
@@ -25,7 +25,7 @@ pub enum PictureSource {
     File {
         /// Absolute path.
         path: PathBuf,
-        /// Turn to apply when shown.
+        /// Rotation to apply when shown.
         #[serde(default)]
         orientation: Orientation,
     },
@@ -35,7 +35,7 @@ pub enum PictureSource {
         path: PathBuf,
         /// Index of the image in the video, counted from 0.
         index: u64,
-        /// Its time in seconds from the start.
+        /// Time in seconds from the start.
         time_s: f64,
     },
 }
@@ -50,7 +50,9 @@ impl PictureSource {
         }
     }
 
-    /// Returns the path and the index in the video (0 for an image file), which together identify the image.
+    /// Returns the path and the index in the video (0 for an image file).
+    ///
+    /// Together they identify the image.
     pub(super) fn identity(&self) -> (PathBuf, u64) {
         match self {
             Self::File { path, .. } => (path.clone(), 0),
@@ -69,23 +71,28 @@ impl PictureSource {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum DepthSource {
-    /// A sensor: a grey image of 16 bits or of floats, pixel for pixel with the stored colour image unless it has a camera of
-    /// its own.
+    /// Depth of a sensor: a grey image of 16 bits or of floats.
+    ///
+    /// It corresponds pixel for pixel to the stored colour image unless it has its own camera.
     Sensor {
         /// Absolute path.
         path: PathBuf,
-        /// World units (metres) per unit of the stored value. Unknown are 0, negative values, the largest integer, NaN and
-        /// infinities.
+        /// World units (metres) per unit of the stored value.
+        ///
+        /// Values of 0, negative values, the largest integer, NaN and infinities are unknown.
         unit: f64,
-        /// Turn to apply, the same as for the colour image.
+        /// Rotation to apply, the same as for the colour image.
         #[serde(default)]
         orientation: Orientation,
-        /// The camera that measured the depth, if it differs from the image's. The depth is then
-        /// transferred to the image's camera.
+        /// Camera that measured the depth, if it differs from the image's.
+        ///
+        /// The depth is then transferred to the image's camera.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         camera: Option<Box<DepthCamera>>,
     },
-    /// A reconstruction: a depth map with its own camera, stored in the project (see [`super::MadeDepth`]).
+    /// Depth of a reconstruction with its own camera, stored in the project.
+    ///
+    /// See [`super::MadeDepth`].
     Made {
         /// Path relative to the project folder, the home of [`super::FrameStore`].
         made: PathBuf,
@@ -113,14 +120,16 @@ impl DepthSource {
     }
 }
 
-/// The camera of one frame, for the image as it is shown (turned upright).
+/// The camera of one frame, for the image as shown (rotated upright).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FrameCamera {
     /// Intrinsics.
     pub intrinsics: Camera,
-    /// `None` while only the intrinsics are known.
+    /// Pose; `None` while only the intrinsics are known.
     pub camera_from_world: Option<Pose>,
-    /// Whether the intrinsics were estimated with the pose. Another reconstruction then estimates them again.
+    /// Whether the intrinsics were estimated with the pose.
+    ///
+    /// Another reconstruction then estimates them again.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub estimated: bool,
 }
@@ -138,15 +147,19 @@ impl FrameCamera {
     }
 }
 
-/// One image of the sequence, with its depth source and camera if known. Pixels are loaded through [`super::FrameStore`].
+/// One image of the sequence, with its depth source and camera if known.
+///
+/// Pixels are loaded through [`super::FrameStore`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "StoredFrame")]
 pub struct Frame {
-    /// Name, unique in the project: the path below the given folder, with `/`; for a video `FILM/000123`.
+    /// Name, unique in the project: the path below the given folder, separated by `/`.
+    ///
+    /// For a video it is `FILM/000123`.
     pub name: String,
-    /// Columns of the image as shown (turned upright).
+    /// Width of the image in pixels as shown (rotated upright).
     pub width: u32,
-    /// Rows of the image as shown.
+    /// Height of the image in pixels as shown.
     pub height: u32,
     /// Source of the image.
     pub picture: PictureSource,
@@ -174,8 +187,9 @@ struct StoredFrame {
 impl TryFrom<StoredFrame> for Frame {
     type Error = String;
 
-    /// Returns an error for impossible image sizes, before anything of that size is allocated, and for a
-    /// camera of another size.
+    /// Returns an error for impossible image sizes and for a camera of another size.
+    ///
+    /// This happens before anything of that size is allocated.
     fn try_from(stored: StoredFrame) -> Result<Self, String> {
         let StoredFrame {
             name,
@@ -213,7 +227,7 @@ impl TryFrom<StoredFrame> for Frame {
 }
 
 impl Frame {
-    /// Intrinsics and `camera_from_world`, where both are known.
+    /// Returns the intrinsics and `camera_from_world` if both are known.
     #[must_use]
     #[inline]
     pub fn posed_camera(&self) -> Option<(&Camera, &Pose)> {
@@ -221,14 +235,16 @@ impl Frame {
         Some((&camera.intrinsics, camera.camera_from_world.as_ref()?))
     }
 
-    /// Whether it has depth and a camera that is posed, so that its pixels have places in the scene.
+    /// Returns whether the frame has depth and a posed camera.
+    ///
+    /// Its pixels then have positions in the scene.
     #[must_use]
     #[inline]
     pub fn has_posed_depth(&self) -> bool {
         self.depth.is_some() && self.posed_camera().is_some()
     }
 
-    /// Whether a sensor measured its depth.
+    /// Returns whether a sensor measured the depth.
     #[must_use]
     #[inline]
     pub fn has_sensor_depth(&self) -> bool {
@@ -236,25 +252,27 @@ impl Frame {
     }
 }
 
-/// Where the shown pixel (x, y) lies in the stored rows: `base + x · step_x + y · step_y`.
+/// Position of the shown pixel (x, y) in the stored rows: `base + x · step_x + y · step_y`.
 struct Steps {
     base: usize,
     step_x: isize,
     step_y: isize,
 }
 
-/// Side of the blocks in which an image is turned, so that both sides of the copy stay in the processor's cache.
+/// Side of the blocks in which an image is rotated.
+///
+/// Source and target of a block stay in the CPU cache.
 const BLOCK: usize = 32;
 
 impl Orientation {
-    /// Whether width and height of the shown image are those of the stored one exchanged.
+    /// Returns whether the shown image has the exchanged width and height of the stored one.
     #[must_use]
     #[inline]
     pub fn swaps_sides(self) -> bool {
         matches!(self.0, 5..=8)
     }
 
-    /// Width and height as shown, from those stored.
+    /// Returns the width and height as shown, for those stored.
     #[must_use]
     #[inline]
     pub fn shown_size(self, width: u32, height: u32) -> (u32, u32) {
@@ -285,7 +303,7 @@ impl Orientation {
     }
 }
 
-/// Turns `width · height` stored pixels upright; the result has the shown size.
+/// Rotates `width · height` stored pixels upright; the result has the shown size.
 pub(super) fn turn<T: Copy + Default>(
     stored: Vec<T>,
     width: u32,
@@ -320,7 +338,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_orientation_turns_as_exif_says() {
+    fn every_orientation_rotates_as_exif_defines() {
         let (width, height) = (67, 41);
         let stored: Vec<u16> = (0..width * height).collect();
         let buffer = image::ImageBuffer::<image::Luma<u16>, _>::from_raw(
@@ -348,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_picture_stays_empty() {
+    fn empty_image_stays_empty() {
         assert!(turn(Vec::<u8>::new(), 0, 0, Orientation(6)).is_empty());
     }
 }

@@ -2,28 +2,28 @@ use std::ops::RangeInclusive;
 
 use serde::{Deserialize, Serialize};
 
-/// A set of frame numbers as ranges; the ranges rise, and a number that is not in the set lies between any two.
+/// A set of frame numbers, stored as increasing ranges that neither overlap nor touch.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(from = "Vec<(usize, usize)>", into = "Vec<(usize, usize)>")]
 pub struct FrameSet {
-    /// First and last (included) of each range.
+    /// First and last (inclusive) number of each range.
     ranges: Vec<(usize, usize)>,
 }
 
 impl FrameSet {
-    /// Whether no frame is in it.
+    /// Returns whether the set contains no frame.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.ranges.is_empty()
     }
 
-    /// Whether a frame is in it.
+    /// Returns whether the set contains a frame.
     #[must_use]
     pub fn contains(&self, frame: usize) -> bool {
         self.range_of(frame).is_some()
     }
 
-    /// The range that a frame of the set lies in.
+    /// Returns the range that contains a frame of the set.
     #[must_use]
     pub fn range_of(&self, frame: usize) -> Option<RangeInclusive<usize>> {
         let next = self.ranges.partition_point(|&(first, _)| first <= frame);
@@ -31,18 +31,18 @@ impl FrameSet {
         (frame <= last).then_some(first..=last)
     }
 
-    /// The highest number in it.
+    /// Returns the highest number in the set.
     #[must_use]
     pub fn last(&self) -> Option<usize> {
         self.ranges.last().map(|&(_, last)| last)
     }
 
-    /// The ranges, rising.
+    /// Returns the ranges in increasing order.
     pub fn ranges(&self) -> impl Iterator<Item = RangeInclusive<usize>> + '_ {
         self.ranges.iter().map(|&(first, last)| first..=last)
     }
 
-    /// Puts `first` to `last` (included) in; nothing when `first` lies after `last`.
+    /// Inserts `first` to `last` (inclusive); nothing if `first` is greater than `last`.
     pub fn insert(&mut self, first: usize, last: usize) {
         if first > last {
             return;
@@ -59,7 +59,7 @@ impl FrameSet {
         self.ranges.insert(at, (first, last));
     }
 
-    /// Takes `first` to `last` (included) out.
+    /// Removes `first` to `last` (inclusive).
     pub fn remove(&mut self, first: usize, last: usize) {
         let rest = |&(a, b): &(usize, usize)| {
             let before = (a < first).then(|| (a, b.min(first - 1)));
@@ -73,7 +73,7 @@ impl FrameSet {
 }
 
 impl From<Vec<(usize, usize)>> for FrameSet {
-    /// The union of ranges in any order; one that ends before it begins holds nothing.
+    /// Returns the union of ranges in any order; a range that ends before its start is empty.
     fn from(ranges: Vec<(usize, usize)>) -> Self {
         let mut set = Self::default();
         ranges
@@ -99,7 +99,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn it_is_a_set_of_numbers(steps in proptest::collection::vec((any::<bool>(), 0usize..30, 0usize..30), 0..12)) {
+        fn set_equals_a_plain_set_of_numbers(steps in proptest::collection::vec((any::<bool>(), 0usize..30, 0usize..30), 0..12)) {
             let (mut set, mut plain) = (FrameSet::default(), BTreeSet::new());
             for (put, first, last) in steps {
                 if put {
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn the_greatest_number_is_a_number() {
+    fn largest_number_is_supported() {
         let mut set = FrameSet::default();
         set.insert(3, usize::MAX);
         set.insert(0, 2);

@@ -12,21 +12,23 @@ use super::{FrameError, Orientation};
 use ostra_core::disk;
 use ostra_geometry::Camera;
 
-/// The formats that can be frames, as named to the user.
+/// Supported image formats, as shown to the user.
 pub(super) const FORMATS: &str = "JPEG, PNG, TIFF or WebP";
 
-/// Images with more pixels are refused: a damaged header, or more than one machine can work on.
+/// Maximum number of pixels of an image.
+///
+/// More mean a damaged header, or an image that is too large to process.
 pub(super) const MAX_PIXELS: u64 = Camera::MAX_PIXELS;
 
-/// Bytes that a decoder may allocate for a header: colour profiles, EXIF, text.
+/// Bytes that a decoder may allocate for a header: colour profiles, EXIF data, text.
 const HEADER_BYTES: u64 = 32 << 20;
 
-/// How many bytes a file may have for each of its pixels …
+/// Maximum number of file bytes per pixel, besides [`APPENDED_BYTES`].
 const BYTES_PER_PIXEL: u64 = 64;
-/// … besides those of what some cameras append to an image (a short video, previews).
+/// Maximum number of bytes that a camera appends to an image (a short video, previews).
 const APPENDED_BYTES: u64 = 256 << 20;
 
-/// What the pixels of an image file hold.
+/// Kind of the pixels of an image file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Content {
     /// Colours or grey.
@@ -39,39 +41,39 @@ pub(super) enum Content {
     FloatColorAlpha,
     /// One channel of 16-bit unsigned integers: a grey image, or depth.
     Grey16,
-    /// One channel of integers that only depth can be: signed, or of 32 bits.
+    /// One channel of integers that can only be depth: signed, or of 32 bits.
     IntegerDepth,
-    /// One channel of floats, which only depth can be.
+    /// One channel of floats, which can only be depth.
     FloatDepth,
 }
 
-/// What an image file's header says.
+/// Properties of an image file from its header.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Header {
-    /// Columns as stored.
+    /// Width in pixels as stored.
     pub width: u32,
-    /// Rows as stored.
+    /// Height in pixels as stored.
     pub height: u32,
-    /// The turn to apply when shown.
+    /// Rotation to apply when shown.
     pub orientation: Orientation,
-    /// What its pixels hold.
+    /// Kind of the pixels.
     pub content: Content,
 }
 
 impl Content {
-    /// Whether pixels can be transparent.
+    /// Returns whether pixels can be transparent.
     pub fn has_alpha(self) -> bool {
         matches!(self, Self::ColorAlpha | Self::FloatColorAlpha)
     }
 
-    /// Whether colours are floats.
+    /// Returns whether colours are floats.
     pub fn is_float_color(self) -> bool {
         matches!(self, Self::FloatColor | Self::FloatColorAlpha)
     }
 }
 
 impl Header {
-    /// Whether it can be a depth map.
+    /// Returns whether the image can be a depth map.
     pub fn is_depth(&self) -> bool {
         matches!(
             self.content,
@@ -79,7 +81,7 @@ impl Header {
         )
     }
 
-    /// Whether it can only be a depth map.
+    /// Returns whether the image can only be a depth map.
     pub fn is_only_depth(&self) -> bool {
         matches!(self.content, Content::IntegerDepth | Content::FloatDepth)
     }
@@ -92,7 +94,7 @@ pub(super) fn read_header(path: &Path) -> Result<Header, FrameError> {
     header_in(&mut reader, format, path)
 }
 
-/// An error where the end of an image file is missing, found without decoding it.
+/// Returns an error if the end of an image file is missing; the file is not decoded.
 pub(super) fn check_complete(path: &Path) -> Result<(), FrameError> {
     let mut reader = open(path)?;
     let format = format_of(&mut reader, path)?;
@@ -104,7 +106,7 @@ pub(super) fn check_complete(path: &Path) -> Result<(), FrameError> {
     }
 }
 
-/// The header of an open file, within the limits of what is decoded; the reader is left at the file's start.
+/// Returns the header of an open file, within the decoding limits; the reader is left at its start.
 pub(super) fn header_in(
     reader: &mut BufReader<File>,
     format: ImageFormat,
@@ -166,14 +168,16 @@ fn check_limits(header: &Header, bytes: u64, path: &Path) -> Result<(), FrameErr
     Ok(())
 }
 
-/// Opens a source file, which must be a regular one; one that is missing is distinguished from one that cannot be read.
+/// Opens a source file, which must be a regular one.
+///
+/// The error distinguishes a missing file from an unreadable one.
 pub(super) fn open(path: &Path) -> Result<BufReader<File>, FrameError> {
     disk::open_regular(path)
         .map(BufReader::new)
         .map_err(|reason| FrameError::io(path, reason))
 }
 
-/// The image format, from the file's first bytes, whatever its name ends with.
+/// Returns the image format from the file's first bytes, independent of its extension.
 pub(super) fn format_of(
     reader: &mut BufReader<File>,
     path: &Path,
@@ -208,19 +212,19 @@ pub(super) fn format_of(
     }
 }
 
-/// What a file's first bytes show it to be.
+/// Kind of a file by its first bytes.
 pub(super) enum FileKind {
     /// A JPEG, PNG or WebP image.
     Image,
-    /// A TIFF image, or a file in another format that is built like one.
+    /// A TIFF image, or a file in another format with the same structure.
     Tiff,
-    /// A HEIC or AVIF image, and the error that says so.
+    /// A HEIC or AVIF image, with its error.
     Heif(FrameError),
-    /// Not an image that is known.
+    /// Not a known image format.
     Other,
 }
 
-/// Looks at the first bytes of a file.
+/// Returns the kind of a file by its first bytes.
 pub(super) fn kind_of_file(path: &Path) -> Result<FileKind, FrameError> {
     let mut reader = open(path)?;
     match format_of(&mut reader, path) {
@@ -250,7 +254,9 @@ fn is_heif(start: &[u8]) -> bool {
             .any(|brand| start.get(8..12) == Some(brand.as_slice()))
 }
 
-/// The error for a file that a decoder refused: an unsupported variant is distinguished from damage.
+/// Returns the error for a file that a decoder refused.
+///
+/// An unsupported variant is distinguished from damage.
 pub(super) fn cannot_decode(
     reader: &mut BufReader<File>,
     path: &Path,
@@ -282,7 +288,7 @@ pub(super) fn cannot_decode(
     }
 }
 
-/// The error for an image that breaks off or does not follow its format.
+/// Returns the error for an image that is truncated or does not follow its format.
 pub(super) fn damaged(path: &Path, why: &dyn std::fmt::Display) -> FrameError {
     let what =
         format!("the image is damaged or cut off ({why}); replace it or take it out of the folder");
@@ -292,7 +298,7 @@ pub(super) fn damaged(path: &Path, why: &dyn std::fmt::Display) -> FrameError {
     }
 }
 
-/// The error for an image whose end is missing.
+/// Returns the error for an image whose end is missing.
 pub(super) fn cut_off(path: &Path) -> FrameError {
     damaged(path, &"its end is missing")
 }
@@ -315,7 +321,9 @@ fn header_of(mut decoder: impl ImageDecoder) -> image::ImageResult<Header> {
     })
 }
 
-/// Walks the segments up to the frame header; unlike a decoder it does not read the whole file.
+/// Reads a JPEG's segments up to the frame header.
+///
+/// Unlike a decoder it does not read the whole file.
 fn read_jpeg_header(reader: &mut (impl BufRead + Seek)) -> std::io::Result<Header> {
     reader.seek(SeekFrom::Start(2))?;
     let mut orientation = Orientation::default();
@@ -362,7 +370,7 @@ fn invalid(what: &str) -> std::io::Error {
     std::io::Error::new(std::io::ErrorKind::InvalidData, what)
 }
 
-/// The header of a TIFF of one channel of depths; `None` for every other TIFF.
+/// Returns the header of a TIFF with one channel of depth; `None` for every other TIFF.
 fn depth_samples(reader: &mut BufReader<File>) -> Option<Header> {
     reader.rewind().ok()?;
     let mut decoder = Decoder::new(&mut *reader).ok()?;

@@ -1,8 +1,8 @@
-//! Images and depth maps in memory; images made smaller.
+//! Images and depth maps in memory, and shrinking of images.
 
 use ostra_core::image::area_mean_rgb8;
 
-/// A colour image, row by row from the top left, sRGB.
+/// A colour image in sRGB, row by row from the top left.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Image {
     /// Columns.
@@ -13,7 +13,7 @@ pub struct Image {
     pub pixels: Vec<[u8; 3]>,
 }
 
-/// Depth along the optical axis, pixel for pixel with an image, in world units; 0 = unknown.
+/// Depth along the optical axis in world units, pixel for pixel with an image; 0 = unknown.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DepthMap {
     /// Columns.
@@ -25,14 +25,14 @@ pub struct DepthMap {
 }
 
 impl Image {
-    /// The pixel in column `x`, row `y`.
+    /// Returns the pixel in column `x`, row `y`.
     #[must_use]
     #[inline]
     pub fn at(&self, x: u32, y: u32) -> [u8; 3] {
         self.pixels[(y * self.width + x) as usize]
     }
 
-    /// Luma as in ITU-R BT.601, 0–1, pixel by pixel.
+    /// Returns the ITU-R BT.601 luma of each pixel, 0–1.
     #[must_use]
     #[inline]
     pub fn luma(&self) -> Vec<f32> {
@@ -44,7 +44,7 @@ impl Image {
 }
 
 impl DepthMap {
-    /// The depth in column `x`, row `y`; 0 = unknown.
+    /// Returns the depth in column `x`, row `y`; 0 = unknown.
     #[must_use]
     #[inline]
     pub fn at(&self, x: u32, y: u32) -> f32 {
@@ -52,7 +52,7 @@ impl DepthMap {
     }
 }
 
-/// Shrinks an image by averaging so that its longer side has at most `max_side` pixels; never enlarges.
+/// Shrinks an image by averaging to at most `max_side` pixels on its longer side; never enlarges.
 pub(super) fn shrink(image: &Image, max_side: u32) -> Image {
     let longest = image.width.max(image.height).max(1);
     let max_side = max_side.clamp(1, longest);
@@ -72,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn means_of_blocks_and_the_same_shape() {
+    fn shrinking_averages_blocks_and_keeps_the_shape() {
         let pixels = (0..8 * 4)
             .map(|at| [if at % 8 < 4 { 10 } else { 200 }, at as u8, 7])
             .collect();
@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn never_larger_and_never_nothing() {
+    fn shrinking_never_enlarges_and_never_gives_an_empty_image() {
         let line = Image {
             width: 300,
             height: 1,

@@ -8,16 +8,16 @@ use super::{
 };
 use ostra_core::cache::{Cache, Weigh};
 
-/// Decodes images and depths and keeps the latest.
+/// Decodes images and depth and caches the most recently used.
 #[derive(Debug)]
 pub(super) struct Loader {
     pixels: Cache<Key, Pixels>,
     films: Films,
-    /// The folder that made depths lie below.
+    /// Folder that contains the reconstructed depth maps.
     home: PathBuf,
 }
 
-/// What pixels are made from.
+/// Inputs that decoded pixels depend on; the cache key.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub(super) enum Key {
     File {
@@ -63,7 +63,7 @@ impl Weigh for Pixels {
 }
 
 impl Key {
-    /// The key of a frame's image.
+    /// Returns the key of a frame's image.
     pub fn of_picture(source: &PictureSource) -> Self {
         match source {
             PictureSource::File { path, orientation } => Self::File {
@@ -104,7 +104,7 @@ impl Key {
     }
 }
 
-/// The frame's lens, which what is seen through it is a matter of, and which may change.
+/// Returns the frame's lens parameters as part of the cache key: decoded pixels depend on them.
 fn lens(frame: &Frame) -> String {
     frame
         .camera
@@ -156,7 +156,7 @@ impl Loader {
         Ok(Some(depth))
     }
 
-    /// The map that was made for a frame, without keeping it.
+    /// Returns the reconstructed depth map of a frame, without caching it.
     pub fn made_depth(&self, frame: &Frame) -> Result<Option<MadeDepth>, FrameError> {
         match &frame.depth {
             Some(DepthSource::Made { made, .. }) => {
@@ -190,7 +190,7 @@ impl Loader {
         }
     }
 
-    /// Which pixels of the frame's image are opaque; `None` where all are. Not kept.
+    /// Returns which pixels of the frame's image are opaque; `None` if all are. Not cached.
     pub fn opaque_pixels(&self, frame: &Frame) -> Result<Option<Vec<bool>>, FrameError> {
         match &frame.picture {
             PictureSource::File { path, orientation } => {
@@ -200,7 +200,7 @@ impl Loader {
         }
     }
 
-    /// The image without keeping it.
+    /// Decodes the image without caching it.
     pub fn decode_image(&self, frame: &Frame) -> Result<Arc<Image>, FrameError> {
         let image = match &frame.picture {
             PictureSource::File { path, orientation } => {
@@ -240,7 +240,7 @@ fn check_lens_size(
     })
 }
 
-/// Depth that another camera measured, as the frame's sees it.
+/// Returns depth that another camera measured as the frame's camera sees it.
 fn through_lens(
     frame: &Frame,
     path: &Path,
@@ -260,12 +260,12 @@ fn through_lens(
     Ok(by.seen_by(measured, &picture.intrinsics))
 }
 
-/// Bytes of a frame's decoded image.
+/// Returns the bytes of a frame's decoded image.
 pub(super) fn picture_bytes(frame: &Frame) -> usize {
     frame.width as usize * frame.height as usize * size_of::<[u8; 3]>()
 }
 
-/// Bytes of a frame's decoded depth.
+/// Returns the bytes of a frame's decoded depth.
 pub(super) fn depth_bytes(frame: &Frame) -> usize {
     frame.depth.as_ref().map_or(0, |_| {
         frame.width as usize * frame.height as usize * size_of::<f32>()

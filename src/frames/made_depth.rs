@@ -13,33 +13,35 @@ use ostra_core::disk;
 use ostra_core::image::bilinear;
 use ostra_geometry::Camera;
 
-/// A depth map that a reconstruction made, often smaller than the frame's image, with what is known of each pixel.
+/// A reconstructed depth map with normals and confidence, often smaller than the frame's image.
 ///
-/// On disk it is a TIFF of three pages: depths as 32-bit floats, normals as RGB (0 to 255 for −1 to 1; black =
-/// unknown), confidences as 8-bit grey; the description of the first page is the camera as JSON.
+/// On disk it is a TIFF of three pages: depth as 32-bit floats, normals as RGB (0 to 255 for −1 to
+/// 1; black = unknown), and confidence as 8-bit grey. The description of the first page is the
+/// camera as JSON.
 ///
-/// The map keeps its own pinhole camera because stereo works on reduced, undistorted images: the depths stay as
-/// they were computed, and conversion to the frame's camera happens once, on loading.
+/// The map keeps its own pinhole camera because stereo works on reduced, undistorted images. The
+/// depth stays as computed, and is converted to the frame's camera once, on loading.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MadeDepth {
-    /// The camera whose pixels these are: at the place of the frame's camera, without lens distortion.
+    /// Camera of the map, without lens distortion, at the pose of the frame's camera.
     pub camera: Camera,
-    /// Depths in world units, 0 = unknown.
+    /// Depth in world units; 0 = unknown.
     pub depth: DepthMap,
-    /// Unit normals in the camera's axes, towards the camera, times 127; zero where the depth is unknown.
+    /// Unit normals in the camera's axes, towards the camera, times 127; zero if unknown.
     pub normals: Vec<[i8; 3]>,
     /// Confidence, 0–255 for 0–1.
     pub confidence: Vec<u8>,
 }
 
-/// Depths farther apart than this share lie on different surfaces: nothing is interpolated between them.
+/// Maximum relative difference of depth on one surface; nothing is interpolated between surfaces.
 const SAME_SURFACE: f32 = 0.02;
 
 impl MadeDepth {
-    /// Reads a file that [`Self::encode`] made.
+    /// Reads a file written by [`Self::encode`].
     ///
     /// # Errors
-    /// [`FrameError`] where it is missing or damaged.
+    ///
+    /// [`FrameError`] if it is missing or damaged.
     pub fn read(path: &Path) -> Result<Self, FrameError> {
         let file = disk::open_regular(path).map_err(|reason| FrameError::io(path, reason))?;
         let bytes = file
@@ -52,10 +54,11 @@ impl MadeDepth {
         })
     }
 
-    /// The file's bytes.
+    /// Returns the bytes of the file.
     ///
     /// # Errors
-    /// Where the sizes do not agree or an image of this size cannot be written.
+    ///
+    /// If the sizes do not agree or an image of this size cannot be written.
     pub fn encode(&self) -> TiffResult<Vec<u8>> {
         let mut bytes = Cursor::new(Vec::new());
         let mut encoder = TiffEncoder::new(&mut bytes)?;
@@ -75,8 +78,9 @@ impl MadeDepth {
         Ok(bytes.into_inner())
     }
 
-    /// The depth of every pixel of the frame's image, through the frame's lens and times `scale`; between neighbours
-    /// on one surface it is interpolated.
+    /// Returns the depth of every pixel of the frame's image, through its lens, times `scale`.
+    ///
+    /// Depth is interpolated between neighbours on one surface.
     #[must_use]
     pub fn seen_by(&self, frame: &Frame, scale: f64) -> DepthMap {
         let depth =
@@ -89,7 +93,9 @@ impl MadeDepth {
         }
     }
 
-    /// For every pixel of the frame's image, row by row, the pixel of the map that lies there; `None` outside it.
+    /// Returns the pixel of the map at every pixel of the frame's image, row by row.
+    ///
+    /// `None` outside the map.
     pub fn pixels_seen_by(&self, frame: &Frame) -> impl Iterator<Item = Option<usize>> {
         let pixel = |at_px: DVec2| {
             let inside = self.camera.contains(at_px);
@@ -99,7 +105,7 @@ impl MadeDepth {
             .map(move |at_px| at_px.and_then(pixel))
     }
 
-    /// Where in the map each pixel of the frame's image lies, in pixels.
+    /// Returns the position in the map of each pixel of the frame's image, in pixels.
     fn positions_seen_by(&self, frame: &Frame) -> impl Iterator<Item = Option<DVec2>> {
         let (width, height) = (frame.width, frame.height);
         let intrinsics = frame.camera.map(|camera| camera.intrinsics);
@@ -114,7 +120,7 @@ impl MadeDepth {
         (0..height).flat_map(move |y| (0..width).map(move |x| position(x, y)))
     }
 
-    /// The depth at a position in pixels; 0 outside and where it is unknown.
+    /// Returns the depth at a position in pixels; 0 outside the map and where it is unknown.
     fn between(&self, at_px: DVec2) -> f32 {
         if !self.camera.contains(at_px) {
             return 0.0;
@@ -141,7 +147,7 @@ impl MadeDepth {
     }
 }
 
-/// 128 stands for 0; black for no normal.
+/// Returns a normal as colour: 128 stands for 0, black for no normal.
 fn packed(normal: [i8; 3]) -> [u8; 3] {
     if normal == [0; 3] {
         [0; 3]
@@ -158,7 +164,9 @@ fn unpacked(pixel: &[u8]) -> [i8; 3] {
     }
 }
 
-/// Reads a file of `bytes` bytes. The pixels are not compressed, so a header that claims more is damaged.
+/// Reads a file of `bytes` bytes.
+///
+/// The pixels are not compressed, so a header that claims more is damaged.
 fn decode(reader: impl Read + Seek, bytes: u64) -> TiffResult<MadeDepth> {
     let mut decoder = Decoder::new(reader)?;
     let wrong = || {
@@ -212,7 +220,8 @@ mod tests {
 
     fn slope() -> MadeDepth {
         let camera = Camera::pinhole(8, 6, 10.0, 10.0, 4.0, 3.0);
-        // Depth grows to the right; the last two columns lie on another surface, a corner is unknown.
+        // Depth grows to the right; the last two columns lie on another surface, and a corner is
+        // unknown.
         let at = |i: u32| match i % 8 {
             _ if i == 0 => 0.0,
             x if x < 6 => 2.0 + 0.01 * x as f32,
@@ -258,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_read_as_it_was_written_and_broken_ones_are_refused() {
+    fn file_is_read_as_written_and_broken_ones_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.tiff");
         let made = slope();
@@ -284,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn the_store_finds_it_below_its_home_at_the_size_of_the_picture() {
+    fn store_loads_the_map_from_its_home_at_image_size() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("a.tiff"), slope().encode().unwrap()).unwrap();
         let store = FrameStore::at_home(1 << 20, folder.path().into());
@@ -321,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lens_bends_the_picture_but_not_the_depth_map() {
+    fn lens_distorts_the_image_but_not_the_depth_map() {
         let lens = Camera {
             distortion: Distortion::Radial { k: [-0.3, 0.0] },
             ..Camera::pinhole(16, 12, 20.0, 20.0, 8.0, 6.0)

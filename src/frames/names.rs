@@ -1,12 +1,14 @@
-//! Parts of names that are paths with `/`.
+//! Parts of frame names, which are paths separated by `/`.
 
-/// The last part of a name.
+/// Returns the last part of a name.
 #[must_use]
 pub fn file_of(name: &str) -> &str {
     name.rsplit('/').next().unwrap_or(name)
 }
 
-/// The name without what follows the last dot of its last part. A last part that only begins with a dot has no ending.
+/// Returns the name without the extension of its last part.
+///
+/// A last part whose only dot is its first character has no extension.
 #[must_use]
 pub fn without_ending(name: &str) -> &str {
     let file = file_of(name);

@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 use super::header::read_header;
 use super::{DepthSource, Frame, FrameError, Orientation, PictureSource};
 
-/// The source files that are not where they were, each once, in the order of the frames.
+/// Returns the missing source files, each once, in the order of the frames.
 #[must_use]
 pub fn missing_sources(frames: &[Frame]) -> Vec<&Path> {
     let mut missing: Vec<&Path> = Vec::new();
@@ -16,13 +16,13 @@ pub fn missing_sources(frames: &[Frame]) -> Vec<&Path> {
     missing
 }
 
-/// The files that a frame is read from: its image or video, then the image of its sensor's depth.
+/// Returns the source files of a frame: its image or video, then the image of its sensor's depth.
 pub fn sources(frame: &Frame) -> impl Iterator<Item = &Path> {
     let depth = frame.depth.as_ref().and_then(DepthSource::sensor_path);
     [Some(frame.picture.path()), depth].into_iter().flatten()
 }
 
-/// As [`sources`], to point them elsewhere.
+/// Returns the [`sources`] as mutable paths.
 pub fn sources_mut(frame: &mut Frame) -> impl Iterator<Item = &mut PathBuf> {
     let depth = frame.depth.as_mut().and_then(DepthSource::sensor_path_mut);
     [Some(frame.picture.path_mut()), depth]
@@ -30,11 +30,12 @@ pub fn sources_mut(frame: &mut Frame) -> impl Iterator<Item = &mut PathBuf> {
         .flatten()
 }
 
-/// Refuses a file that cannot be the `place`th of a frame's [`sources`]: one that is missing, or an image of another size
-/// than the frame was made of. Only the header is read.
+/// Checks that a file can be the `place`th of a frame's [`sources`]; only its header is read.
 ///
 /// # Errors
-/// [`FrameError`] says what is wrong with the file.
+///
+/// [`FrameError`] if the file is missing or an image of another size than the frame was created
+/// from.
 pub fn check_source(frame: &Frame, place: usize, path: &Path) -> Result<(), FrameError> {
     if !path.is_file() {
         return Err(FrameError::Missing { path: path.into() });
@@ -49,7 +50,7 @@ pub fn check_source(frame: &Frame, place: usize, path: &Path) -> Result<(), Fram
         }) if place > 0 => (own.intrinsics.width, own.intrinsics.height),
         _ => shown,
     };
-    // The size of a video is known once it is decoded; it is checked then.
+    // The size of a video is only known, and checked, after decoding.
     let Some(orientation) = orientation else {
         return Ok(());
     };
@@ -68,7 +69,7 @@ pub fn check_source(frame: &Frame, place: usize, path: &Path) -> Result<(), Fram
     })
 }
 
-/// The turn between a stored image and the size that is known of it; `None` for a video.
+/// Returns the rotation between a stored image and its known size; `None` for a video.
 fn source_orientation(frame: &Frame, place: usize) -> Option<Orientation> {
     match (&frame.depth, &frame.picture) {
         (

@@ -1,4 +1,4 @@
-//! Images and depth of frames through bounded caches, with work ahead in the background.
+//! Images and depth of frames through bounded caches, with prefetching in the background.
 
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -9,11 +9,13 @@ use super::{DepthMap, Frame, FrameError, Image, MadeDepth, PictureSource};
 use ostra_core::cache::Cache;
 use ostra_core::job::{Pool, Progress, Stopped};
 
-/// Bytes of thumbnails that are kept.
+/// Maximum bytes of cached thumbnails.
 const THUMBNAIL_BYTES: usize = 32 << 20;
 
-/// Loads images and depths on demand and keeps the latest in a cache bounded in bytes. Shared by all threads: none
-/// decodes what another is decoding already, and all wait only for what they asked for.
+/// Loads images and depth on demand and caches the most recently used, bounded in bytes.
+///
+/// The store is shared by all threads. No thread decodes what another is already decoding, and each
+/// waits only for its own request.
 #[derive(Debug)]
 pub struct FrameStore {
     loader: Arc<Loader>,
@@ -24,13 +26,15 @@ pub struct FrameStore {
 }
 
 impl FrameStore {
-    /// A store that keeps at most `budget_bytes` of decoded pixels, and 32 MiB of thumbnails besides.
+    /// Returns a store that caches at most `budget_bytes` of decoded pixels.
+    ///
+    /// Thumbnails take up to 32 MiB in addition.
     #[must_use]
     pub fn new(budget_bytes: usize) -> Self {
         Self::at_home(budget_bytes, PathBuf::new())
     }
 
-    /// As [`Self::new`]; depths that a reconstruction made are looked for below the folder `home`.
+    /// Returns a store as [`Self::new`] that looks for reconstructed depth below the folder `home`.
     #[must_use]
     pub fn at_home(budget_bytes: usize, home: PathBuf) -> Self {
         let threads =
@@ -44,53 +48,65 @@ impl FrameStore {
         }
     }
 
-    /// Bytes of decoded pixels kept now, thumbnails not counted; never above the budget.
+    /// Returns the bytes of cached pixels without thumbnails; never above the budget.
     #[must_use]
     pub fn bytes_kept(&self) -> usize {
         self.loader.bytes()
     }
 
-    /// The frame's image, turned upright. An image larger than the budget is decoded again each time.
+    /// Returns the frame's image, rotated upright.
+    ///
+    /// An image larger than the budget is decoded again each time.
     ///
     /// # Errors
-    /// [`FrameError`] when the source is missing, damaged or of another size than when it was opened.
+    ///
+    /// [`FrameError`] if the source is missing, damaged or of another size than when it was opened.
     pub fn image(&self, frame: &Frame) -> Result<Arc<Image>, FrameError> {
         self.loader.image(frame)
     }
 
-    /// The frame's image if it is decoded already; never waits for decoding.
+    /// Returns the frame's image if it is already decoded; never waits for decoding.
     #[must_use]
     pub fn cached_image(&self, frame: &Frame) -> Option<Arc<Image>> {
         self.loader.cached_image(frame)
     }
 
-    /// Which pixels of the frame's image are opaque, leaving out those next to a transparent one: `width · height` values,
-    /// row by row; `None` where all are. [`Self::image`] shows transparent pixels in grey.
+    /// Returns which pixels of the frame's image are opaque and not next to a transparent one.
+    ///
+    /// These are `width · height` values, row by row; `None` if all are opaque. [`Self::image`]
+    /// shows transparent pixels in grey.
     ///
     /// # Errors
+    ///
     /// As [`Self::image`].
     pub fn opaque_pixels(&self, frame: &Frame) -> Result<Option<Vec<bool>>, FrameError> {
         self.loader.opaque_pixels(frame)
     }
 
-    /// The frame's depth in world units, turned upright; `None` when it has none.
+    /// Returns the frame's depth in world units, rotated upright; `None` if it has none.
     ///
     /// # Errors
+    ///
     /// As [`Self::image`].
     pub fn depth(&self, frame: &Frame) -> Result<Option<Arc<DepthMap>>, FrameError> {
         self.loader.depth(frame)
     }
 
-    /// The depth map that a reconstruction made for the frame, at its own size; `None` where it has none. Not kept.
+    /// Returns the frame's reconstructed depth map at its own size; `None` if it has none.
+    ///
+    /// The map is not cached.
     ///
     /// # Errors
+    ///
     /// As [`Self::image`].
     pub fn made_depth(&self, frame: &Frame) -> Result<Option<MadeDepth>, FrameError> {
         self.loader.made_depth(frame)
     }
 
-    /// Decodes images and depths in the background, the first first, until half the budget is spent on them. The
-    /// newest call wins: what an earlier one left undone is forgotten. Errors come when the frame is asked for.
+    /// Decodes images and depth in the background, in order, within half the budget.
+    ///
+    /// A new call discards the unfinished work of earlier ones. Errors are returned when the frame
+    /// is requested.
     pub fn prefetch(&self, frames: &[Frame]) {
         let mut bytes = 0;
         let fitting = frames.iter().take_while(|frame| {
@@ -109,22 +125,27 @@ impl FrameStore {
         self.ahead.replace(tasks);
     }
 
-    /// The frame's image with at most `max_side` pixels on its longer side, turned upright; never enlarged.
+    /// Returns the frame's upright image with at most `max_side` pixels on its longer side.
+    ///
+    /// The image is never enlarged.
     ///
     /// # Errors
+    ///
     /// As [`Self::image`].
     pub fn thumbnail(&self, frame: &Frame, max_side: u32) -> Result<Arc<Image>, FrameError> {
         thumbnail(&self.loader, &self.thumbnails, frame, max_side)
     }
 
-    /// The thumbnail if it is made already; never waits for decoding.
+    /// Returns the thumbnail if it exists already; never waits for decoding.
     #[must_use]
     pub fn cached_thumbnail(&self, frame: &Frame, max_side: u32) -> Option<Arc<Image>> {
         self.thumbnails
             .peek(&(Key::of_picture(&frame.picture), max_side))
     }
 
-    /// Makes thumbnails in the background, the first first; the newest call wins, as in [`Self::prefetch`].
+    /// Creates thumbnails in the background, in order.
+    ///
+    /// A new call discards the unfinished work of earlier ones, as in [`Self::prefetch`].
     pub fn prefetch_thumbnails(&self, frames: &[Frame], max_side: u32) {
         let tasks = frames.chunk_by(in_one_film).map(|frames| {
             let (loader, thumbnails, frames) = (
@@ -142,7 +163,9 @@ impl FrameStore {
     }
 }
 
-/// The thumbnail, from the decoded image where that is kept; decoding for a thumbnail drives nothing out of the cache.
+/// Returns the thumbnail, from the decoded image if that is cached.
+///
+/// Decoding for a thumbnail evicts nothing from the cache.
 fn thumbnail(
     loader: &Loader,
     thumbnails: &Cache<(Key, u32), Arc<Image>>,
@@ -157,7 +180,9 @@ fn thumbnail(
     })
 }
 
-/// Images of one video are decoded by one thread in order, without seeking.
+/// Returns whether both frames are images of one video.
+///
+/// One thread decodes these in order, without seeking.
 fn in_one_film(a: &Frame, b: &Frame) -> bool {
     match (&a.picture, &b.picture) {
         (PictureSource::Film { path: a, .. }, PictureSource::Film { path: b, .. }) => a == b,
@@ -173,10 +198,10 @@ fn each(frames: &[Frame], progress: &Progress, mut act: impl FnMut(&Frame)) -> R
     Ok(())
 }
 
-/// Most tasks of one request that are taken.
+/// Maximum number of tasks of one request.
 const CAPACITY: usize = 4096;
 
-/// Work done ahead of need, in which the newest request wins: what an earlier one left undone is forgotten.
+/// Work done in advance; a new request discards the unfinished work of earlier ones.
 #[derive(Debug)]
 pub(super) struct Background {
     name: &'static str,
@@ -186,7 +211,7 @@ pub(super) struct Background {
 }
 
 impl Background {
-    /// Up to `threads` threads named `name`, started when first needed.
+    /// Returns a pool of up to `threads` threads named `name`, started on first use.
     pub fn new(name: &'static str, threads: usize) -> Self {
         Self {
             name,
@@ -196,7 +221,7 @@ impl Background {
         }
     }
 
-    /// Drops what waits, stops what runs at its next step, and puts these tasks in the queue.
+    /// Drops waiting tasks, stops running ones at their next step, and queues these tasks.
     pub fn replace<F: FnOnce(&Progress) + Send + 'static>(
         &self,
         tasks: impl IntoIterator<Item = F>,
@@ -232,7 +257,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_newest_request_wins() {
+    fn newest_request_wins() {
         let background = Background::new("test", 1);
         let (sender, done) = channel();
         let (began, wait) = channel();

@@ -5,10 +5,10 @@ use tiff::TiffResult;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::{SampleFormat, Tag};
 
-/// Bytes besides the pixels that a decoder may allocate: strips and tiles, tables of their places.
+/// Bytes besides the pixels that a decoder may allocate: strips, tiles and tables of their offsets.
 pub(super) const WORKING_BYTES: usize = 64 << 20;
 
-/// What kind of TIFF a file is, for a message; `None` where it is not known.
+/// Returns the variant of a TIFF for a message; `None` if it is unknown.
 pub(super) fn variant_of(reader: &mut BufReader<File>) -> Option<String> {
     reader.rewind().ok()?;
     let mut decoder = Decoder::new(&mut *reader).ok()?;
@@ -52,7 +52,7 @@ pub(super) fn variant_of(reader: &mut BufReader<File>) -> Option<String> {
     })
 }
 
-/// The values of a TIFF of one channel of depths, row by row; what means an unknown depth is 0.
+/// Returns the values of a TIFF with one channel of depth, row by row; unknown values are 0.
 pub(super) fn read_depth_samples(reader: impl Read + Seek, pixels: usize) -> TiffResult<Vec<f64>> {
     let mut limits = Limits::default();
     limits.decoding_buffer_size = pixels.saturating_mul(size_of::<f64>());
@@ -85,7 +85,9 @@ pub(super) fn read_depth_samples(reader: impl Read + Seek, pixels: usize) -> Tif
     )
 }
 
-/// Integers as depths: the largest one means unknown, as negative ones do.
+/// Returns integers as depth; `unknown`, the largest one, becomes 0.
+///
+/// Negative values are unknown, too.
 fn below<T: Copy + Into<f64> + PartialEq>(values: Vec<T>, unknown: T) -> Vec<f64> {
     values
         .into_iter()

@@ -1,4 +1,6 @@
-//! Pieces of a cloud without a label go to what they hang on, in the masks, too: on the command line.
+//! Attaches unlabelled fragments of the cloud to the label they touch, by the command line.
+//!
+//! The masks change, too.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -17,7 +19,7 @@ use ostra_session::{
 use crate::program::{done, refused};
 use crate::session::perform;
 
-/// The made plant, clicked and fused with all that is seen, in small pictures.
+/// Returns the synthetic plant at a small image size, prompted, tracked and fused with all points.
 fn plant(out: &Path) -> Session {
     let run = Process::new(env!("CARGO_BIN_EXE_ostra"))
         .args(["demo", "--headless", "--frames", "12", "--size", "300x400"])
@@ -38,7 +40,7 @@ fn plant(out: &Path) -> Session {
 fn opened(root: &Path) -> Session {
     let mut session = Session::new();
     perform(&mut session, Command::Open(root.into())).unwrap();
-    // The cloud is loaded when it is asked for.
+    // The first request starts to load the cloud.
     let _ = session.cloud();
     session.settle(|_| ControlFlow::Continue(()));
     session
@@ -57,7 +59,9 @@ fn count(session: &Session, label: LabelId) -> usize {
     of_label(session.cloud().unwrap(), label).len()
 }
 
-/// Takes the label off a leaf's tip in all masks, as a frame sees it: the point farthest from the middle of the stem.
+/// Removes the label from a leaf's tip in all masks, as seen in one frame.
+///
+/// The tip is the point farthest from the middle of the stem.
 fn clear_tip(session: &mut Session, leaf: LabelId, stem: LabelId) {
     let cloud = session.cloud().unwrap();
     let stem = of_label(cloud, stem);
@@ -104,7 +108,7 @@ fn clear_tip(session: &mut Session, leaf: LabelId, stem: LabelId) {
     assert!(cleared.is_some(), "some frame sees the tip");
 }
 
-fn a_leafs_tip_that_no_mask_has_goes_to_the_leaf() {
+fn unlabelled_leaf_tip_is_attached_to_the_leaf() {
     let out = tempfile::tempdir().unwrap();
     let folder = out.path().join("demo");
     let mut session = plant(&folder);
@@ -191,5 +195,5 @@ fn a_leafs_tip_that_no_mask_has_goes_to_the_leaf() {
 }
 
 crate::registry::tests! {
-    Nothing => a_leafs_tip_that_no_mask_has_goes_to_the_leaf;
+    Nothing => unlabelled_leaf_tip_is_attached_to_the_leaf;
 }

@@ -1,5 +1,6 @@
-//! Two children on a bed, the one often behind the other, kept apart through a film with six corrections. Clicks, outlines
-//! and the points that are looked at were set by hand and stand in `bedroom.json`.
+//! Two children on a bed, one often behind the other, tracked through a video with six corrections.
+//!
+//! Clicks, outlines and the checked points were set by hand and are stored in `bedroom.json`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -16,10 +17,10 @@ const BOY: u16 = 2;
 
 #[derive(Deserialize)]
 struct Script {
-    /// By label what is clicked on the first frame.
+    /// Clicks on the first frame, by label.
     clicks: BTreeMap<String, Clicks>,
     corrections: Vec<Correction>,
-    /// By frame and by what is there, `girl`, `boy` or `neither`, pixels.
+    /// Pixels by frame and by what they show: `girl`, `boy` or `neither`.
     points: BTreeMap<usize, BTreeMap<String, Vec<[usize; 2]>>>,
 }
 
@@ -29,7 +30,7 @@ struct Clicks {
     exclude: Vec<[u32; 2]>,
 }
 
-/// The boy drawn anew.
+/// New outlines of the boy on a frame.
 #[derive(Deserialize)]
 struct Correction {
     frame: usize,
@@ -59,7 +60,7 @@ fn click(project: &str, label: &str, clicks: &Clicks) {
     done(&args.iter().map(String::as_str).collect::<Vec<_>>());
 }
 
-/// Takes the boy off a frame, draws him, and tracks him anew between the neighbouring anchors.
+/// Removes the boy from a frame, paints him, and tracks him again up to the next keyframes.
 fn correct(project: &str, recipe: &Path, Correction { frame, polygons }: &Correction) {
     let paint = |points: &Value, erase: bool| json!({"paint": {"frame": frame, "label": BOY, "points_px": points, "radius_px": 0, "erase": erase, "replace": !erase}});
     let mut commands = vec![
@@ -86,7 +87,7 @@ fn correct(project: &str, recipe: &Path, Correction { frame, polygons }: &Correc
     ]);
 }
 
-/// Of the points on a child or beside both: how many, those found, and those that another has taken.
+/// Counts of checked points: all, those with the right label, and those with another child's label.
 #[derive(Debug, Default, Clone, Copy)]
 struct Count {
     all: usize,
@@ -104,7 +105,7 @@ impl Count {
     }
 }
 
-/// Counts over the frames that nobody labelled by hand.
+/// Returns the counts over the frames that were not labelled by hand.
 fn counts(project: &Path, script: &Script) -> BTreeMap<String, Count> {
     let mut counts: BTreeMap<String, Count> = BTreeMap::new();
     let by_hand = |frame: usize| {

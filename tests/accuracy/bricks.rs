@@ -1,4 +1,6 @@
-//! The made scene of bricks: classes, instances and parts from clicks to the report, and instances told apart on the
+//! Tests on the synthetic scene of bricks.
+//!
+//! They cover classes, instances and parts from clicks to the report, and instances found on the
 //! command line.
 
 use std::path::Path;
@@ -14,7 +16,9 @@ use serde_json::Value;
 use crate::program::{done, refused};
 use crate::session::perform;
 
-/// The demo of the scene, in small pictures where tests have no time for large ones.
+/// Runs the demo of the scene and returns its report.
+///
+/// Tests without time for large images pass options for small ones.
 fn demo(out: &Path, more: &[&str]) -> Value {
     let run = Process::new(env!("CARGO_BIN_EXE_ostra"))
         .args(["demo", "--headless", "--scene", "bricks"])
@@ -75,7 +79,7 @@ fn wheels_clicked_as_one_class_become_six_instances() {
     );
 }
 
-fn noise_of_a_sensor_spoils_depth_but_not_the_truth() {
+fn sensor_noise_changes_depth_but_not_ground_truth() {
     let out = tempfile::tempdir().unwrap();
     let (exact, noisy) = (out.path().join("exact"), out.path().join("noisy"));
     demo(&noisy, &["--frames", "8", "--size", "240x180", "--noise"]);
@@ -95,7 +99,7 @@ fn noise_of_a_sensor_spoils_depth_but_not_the_truth() {
     assert!(read(exact.join("truth/masks/000.png")) == read(noisy.join("truth/masks/000.png")));
 }
 
-fn instances_are_told_apart_again_by_the_command_line() {
+fn instances_are_found_again_by_the_command_line() {
     let out = tempfile::tempdir().unwrap();
     let folder = out.path().join("demo");
     demo(&folder, &["--frames", "8", "--size", "240x180"]);
@@ -179,5 +183,5 @@ fn one_undo_takes_instances_back(root: &Path) {
 }
 
 crate::registry::tests! {
-    Nothing => wheels_clicked_as_one_class_become_six_instances, noise_of_a_sensor_spoils_depth_but_not_the_truth, instances_are_told_apart_again_by_the_command_line;
+    Nothing => wheels_clicked_as_one_class_become_six_instances, sensor_noise_changes_depth_but_not_ground_truth, instances_are_found_again_by_the_command_line;
 }

@@ -1,4 +1,4 @@
-//! Cameras of the real data sets, read from the formats they are given in.
+//! Tests of the cameras of the real data sets, read from their given formats.
 
 use std::path::{Path, PathBuf};
 
@@ -35,7 +35,7 @@ fn opened(frames: PathBuf) -> Vec<Frame> {
     .frames
 }
 
-/// Frames of a set with the cameras in `path`, all of which are found.
+/// Returns the frames of a set with the cameras in `path`; every frame must have one.
 fn with_cameras(frames: PathBuf, path: &Path) -> Vec<Frame> {
     let mut frames = opened(frames);
     let warnings = GivenCameras::read(path)
@@ -53,7 +53,7 @@ fn poses(frames: &[Frame]) -> Vec<Pose> {
         .collect()
 }
 
-/// What `cameras.json` of a set says: per frame the camera matrix and `world_to_cam`, row by row.
+/// Returns the camera matrix and `world_to_cam` of each frame in `cameras.json`, row by row.
 fn stated(folder: &Path) -> Vec<(Vec<f64>, Vec<f64>)> {
     let text = std::fs::read_to_string(folder.join("cameras.json")).unwrap();
     let json: serde_json::Value = serde_json::from_str(&text).unwrap();
@@ -73,7 +73,7 @@ fn stated(folder: &Path) -> Vec<(Vec<f64>, Vec<f64>)> {
         .collect()
 }
 
-fn colmap_models_say_what_the_sets_state() {
+fn colmap_models_agree_with_the_given_cameras() {
     let data = data_dir();
     for (set, pictures) in SETS {
         let folder = data.join(set);
@@ -138,7 +138,7 @@ fn real_models_are_written_and_read_again() {
 
 crate::registry::tests! {
     Data(&["apc_shelf_rgbd_labels", "redkitchen_rgbd_a", "dtu_scan24", "middlebury_templeSparseRing", "strecha_fountain_P11"]) =>
-        colmap_models_say_what_the_sets_state,
+        colmap_models_agree_with_the_given_cameras,
         real_models_are_written_and_read_again;
     Data(&["middlebury_templeSparseRing"]) => middlebury_parameters_equal_the_colmap_model;
 }

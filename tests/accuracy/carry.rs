@@ -1,4 +1,4 @@
-//! Masks carried through geometry: on a real shelf, and on the made scene.
+//! Tests of masks re-projected through geometry, on a real shelf and on the synthetic scene.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use ostra_tracking::reprojection::GeometryTracker;
 
 use crate::data::data_dir;
 
-/// The masks that the tracker brings to all frames from the true mask of one.
+/// Returns the masks that the tracker makes on all frames from the ground-truth mask of one.
 fn carried(frames: &[Frame], anchor: usize, mask: LabelMask) -> BTreeMap<usize, LabelMask> {
     let request = TrackRequest {
         frames: Arc::new(frames.to_vec()),
@@ -37,7 +37,7 @@ fn carried(frames: &[Frame], anchor: usize, mask: LabelMask) -> BTreeMap<usize, 
     masks
 }
 
-/// Mean over frames of the IoU of one label.
+/// Returns the mean IoU of one label over the frames.
 fn mean_iou(results: &BTreeMap<usize, LabelMask>, truths: &[LabelMask], label: LabelId) -> f64 {
     let iou = |(frame, result): (&usize, &LabelMask)| {
         let pairs = || result.ids.iter().zip(&truths[*frame].ids);
@@ -52,7 +52,7 @@ fn mean_iou(results: &BTreeMap<usize, LabelMask>, truths: &[LabelMask], label: L
     results.iter().map(iou).sum::<f64>() / results.len() as f64
 }
 
-fn one_true_mask_of_a_real_shelf_reaches_the_other_frames() {
+fn one_ground_truth_mask_of_a_real_shelf_reaches_the_other_frames() {
     let data = data_dir();
     let set = data.join("apc_shelf_rgbd_labels");
     let source = FrameFolder {
@@ -83,7 +83,7 @@ fn one_true_mask_of_a_real_shelf_reaches_the_other_frames() {
     );
 }
 
-fn the_made_plant_keeps_its_organs_across_the_arc() {
+fn synthetic_plant_keeps_its_organs_across_the_arc() {
     let options = SceneOptions {
         views: 12,
         ..SceneOptions::default()
@@ -123,6 +123,6 @@ fn the_made_plant_keeps_its_organs_across_the_arc() {
 }
 
 crate::registry::tests! {
-    Nothing => the_made_plant_keeps_its_organs_across_the_arc;
-    Data(&["apc_shelf_rgbd_labels"]) => one_true_mask_of_a_real_shelf_reaches_the_other_frames;
+    Nothing => synthetic_plant_keeps_its_organs_across_the_arc;
+    Data(&["apc_shelf_rgbd_labels"]) => one_ground_truth_mask_of_a_real_shelf_reaches_the_other_frames;
 }

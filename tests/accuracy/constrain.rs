@@ -1,4 +1,6 @@
-//! `track --constrain` as a process: masks carried by flow and held against geometry, on the made scene and on a real shelf.
+//! Tests of `track --constrain` as a process: masks tracked by flow and checked against geometry.
+//!
+//! They run on the synthetic scene and on a real shelf.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -10,7 +12,7 @@ use serde_json::Value;
 
 use crate::data::data_dir;
 
-/// What the program said on standard output and standard error.
+/// Runs a command that must succeed; returns its standard output and standard error.
 fn done(words: &[&str], folder: &Path) -> (String, String) {
     let out = Command::new(env!("CARGO_BIN_EXE_ostra"))
         .args(words)
@@ -22,13 +24,13 @@ fn done(words: &[&str], folder: &Path) -> (String, String) {
     (said, told)
 }
 
-/// Makes the folder `anchor` with the true mask of one frame alone.
+/// Creates the folder `anchor` with only the ground-truth mask of one frame.
 fn give_anchor(folder: &Path, truth: &Path, name: &str) {
     std::fs::create_dir(folder.join("anchor")).unwrap();
     std::fs::copy(truth.join(name), folder.join("anchor").join(name)).unwrap();
 }
 
-/// Mean J over all frames of the masks that flow carries from the anchor, and what was told while tracking.
+/// Returns the mean J over all frames of the masks tracked by flow, and the tracking report.
 fn tracked(folder: &Path, new: &[&str], truth: &Path, constrain: bool) -> (f64, String) {
     let project = if constrain { "held" } else { "free" };
     done(&[&["new", project], new].concat(), folder);
@@ -57,7 +59,7 @@ fn tracked(folder: &Path, new: &[&str], truth: &Path, constrain: bool) -> (f64, 
     (score["j"].as_f64().unwrap(), told)
 }
 
-fn flow_on_a_made_recording_gains_by_it() {
+fn flow_on_a_synthetic_recording_improves_with_geometry() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let options = SceneOptions {
@@ -69,7 +71,7 @@ fn flow_on_a_made_recording_gains_by_it() {
     };
     let scene = Scene::build(&options).unwrap();
     scene.write(folder, &Progress::default()).unwrap();
-    // Stems and leaves one by one.
+    // The masks keep stems and leaves as separate labels.
     for entry in std::fs::read_dir(folder.join("truth/masks")).unwrap() {
         let path: PathBuf = entry.unwrap().path();
         let mask = RunMask::encode(&read_palette_png(&path).unwrap().at_level(scene.tree(), 3));
@@ -102,7 +104,7 @@ fn flow_on_a_made_recording_gains_by_it() {
     assert_eq!(info["frames"][7]["mask"], "tracked");
 }
 
-fn flow_on_a_real_shelf_gains_by_it() {
+fn flow_on_a_real_shelf_improves_with_geometry() {
     let data = data_dir();
     let set = data.join("apc_shelf_rgbd_labels");
     let folder = tempfile::tempdir().unwrap();
@@ -125,7 +127,7 @@ fn flow_on_a_real_shelf_gains_by_it() {
     assert!(held > free, "J {free:.3}, constrained {held:.3}");
 }
 
-fn without_depth_and_cameras_it_says_what_to_add() {
+fn constrain_without_depth_and_cameras_says_what_to_add() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     std::fs::create_dir(folder.join("frames")).unwrap();
@@ -163,6 +165,6 @@ fn without_depth_and_cameras_it_says_what_to_add() {
 }
 
 crate::registry::tests! {
-    Nothing => flow_on_a_made_recording_gains_by_it, without_depth_and_cameras_it_says_what_to_add;
-    Data(&["apc_shelf_rgbd_labels"]) => flow_on_a_real_shelf_gains_by_it;
+    Nothing => flow_on_a_synthetic_recording_improves_with_geometry, constrain_without_depth_and_cameras_says_what_to_add;
+    Data(&["apc_shelf_rgbd_labels"]) => flow_on_a_real_shelf_improves_with_geometry;
 }

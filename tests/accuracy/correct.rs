@@ -1,4 +1,4 @@
-//! Labels corrected in 3-D and written back into the masks, on a real recording.
+//! Tests of 3-D label corrections that are written back into the masks, on a real recording.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ pub(super) fn truth(data: &Path, frame: usize) -> LabelMask {
     read_palette_png(&data.join(format!("apc_shelf_rgbd_labels/labels/{frame:06}.png"))).unwrap()
 }
 
-/// The shelf with its true masks, but that the box of tissues is called a book of jokes on every frame; fused.
+/// Returns the fused shelf with wrong masks: the box of tissues is labelled as the book.
 pub(super) fn wrongly_labelled(data: &Path, folder: &Path) -> Session {
     let mut session = Session::new();
     perform(&mut session, new_project(data, &folder.join("shelf"))).unwrap();
@@ -59,7 +59,9 @@ pub(super) fn wrongly_labelled(data: &Path, folder: &Path) -> Session {
     session
 }
 
-/// Around the box as frame 7 sees it, over all layers that noisy depths gave its faces, its largest piece.
+/// Returns a selection of the box as seen in frame 7, reduced to its largest part.
+///
+/// It includes all layers that noisy depth gave the faces of the box.
 fn the_box() -> Vec<SelectStep> {
     let corners = [
         [215.0, 190.0],
@@ -104,8 +106,7 @@ fn share(inside: &Region, mask: &LabelMask, label: LabelId) -> f64 {
     hit as f64 / inside.area().max(1) as f64
 }
 
-/// What the project shows on the disk: its masks and its cloud.
-fn a_lasso_in_3d_moves_a_wrongly_labelled_part_in_all_masks_and_undo_brings_back_the_bytes() {
+fn lasso_in_3d_corrects_a_label_in_all_masks_and_undo_restores_the_bytes() {
     let data = data_dir();
     let folder = tempfile::tempdir().unwrap();
     let mut session = wrongly_labelled(&data, folder.path());
@@ -160,5 +161,5 @@ fn a_lasso_in_3d_moves_a_wrongly_labelled_part_in_all_masks_and_undo_brings_back
 
 crate::registry::tests! {
     Data(&["apc_shelf_rgbd_labels"]) =>
-        a_lasso_in_3d_moves_a_wrongly_labelled_part_in_all_masks_and_undo_brings_back_the_bytes;
+        lasso_in_3d_corrects_a_label_in_all_masks_and_undo_restores_the_bytes;
 }

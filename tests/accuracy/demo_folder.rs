@@ -1,10 +1,10 @@
-//! The demo again into its own folder.
+//! Tests that the demo can run again into its own folder.
 
 use std::path::Path;
 
 use crate::program::{contents, done, refused};
 
-fn demo_keeps_files_of_others_and_edits_in_its_project() {
+fn demo_keeps_foreign_files_and_edits_in_its_project() {
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name).display().to_string();
     let demo = ["--headless", "--frames", "6", "--size", "96x128"];
@@ -31,5 +31,5 @@ fn demo_keeps_files_of_others_and_edits_in_its_project() {
 }
 
 crate::registry::tests! {
-    Nothing => demo_keeps_files_of_others_and_edits_in_its_project;
+    Nothing => demo_keeps_foreign_files_and_edits_in_its_project;
 }

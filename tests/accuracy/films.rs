@@ -1,4 +1,4 @@
-//! Films through ffmpeg: which pictures they have, and that each index always gives the same one.
+//! Tests of videos through ffmpeg: their images, and that an index always gives the same one.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use crate::film::{self, Making};
 const COUNT: u64 = 80;
 const SIZE: (u32, u32) = (96, 64);
 
-/// A film whose picture k shows k: the left half k / 10, the right half k mod 10, as grey.
+/// Writes a video whose image k shows k: the left half k / 10, the right half k mod 10, in grey.
 fn make_film(path: &Path, options: &str) {
     film::make_film(
         path,
@@ -33,7 +33,7 @@ fn make_film(path: &Path, options: &str) {
     );
 }
 
-/// Which picture of [`make_film`] a frame shows.
+/// Returns the index of the [`make_film`] image that a frame shows.
 fn shown(store: &FrameStore, frame: &Frame) -> u64 {
     let image = store.image(frame).unwrap();
     let digit = |x| (f64::from(image.at(x, image.height / 2)[1]) - 30.0) / 20.0;
@@ -53,7 +53,7 @@ fn open_film(path: &Path) -> Opened {
     open(&request, &Progress::default()).unwrap()
 }
 
-fn every_index_gives_its_picture_in_any_order_and_container() {
+fn every_index_gives_its_image_in_any_order_and_container() {
     let folder = tempfile::tempdir().unwrap();
     let kinds = [
         (
@@ -99,7 +99,7 @@ fn every_index_gives_its_picture_in_any_order_and_container() {
     }
 }
 
-fn threads_that_read_one_film_at_once_get_the_right_pictures() {
+fn threads_that_read_one_video_concurrently_get_the_right_images() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("film.mp4");
     make_film(
@@ -122,7 +122,7 @@ fn threads_that_read_one_film_at_once_get_the_right_pictures() {
     });
 }
 
-fn a_cut_film_is_read_as_far_as_it_goes_and_a_broken_one_is_refused() {
+fn truncated_video_is_read_to_its_end_and_broken_one_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let (path, cut) = (
         folder.path().join("whole.mp4"),
@@ -172,7 +172,7 @@ fn a_cut_film_is_read_as_far_as_it_goes_and_a_broken_one_is_refused() {
 
 crate::registry::tests! {
     Ffmpeg =>
-        every_index_gives_its_picture_in_any_order_and_container,
-        threads_that_read_one_film_at_once_get_the_right_pictures,
-        a_cut_film_is_read_as_far_as_it_goes_and_a_broken_one_is_refused;
+        every_index_gives_its_image_in_any_order_and_container,
+        threads_that_read_one_video_concurrently_get_the_right_images,
+        truncated_video_is_read_to_its_end_and_broken_one_is_refused;
 }

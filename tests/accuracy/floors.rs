@@ -1,4 +1,4 @@
-//! How good the whole job is: floors on the made scene and on a real shelf. They may only rise.
+//! Accuracy floors of the whole job on the synthetic scene and on a real shelf. They may only rise.
 
 use ostra_project::SegmenterId;
 use std::path::Path;
@@ -26,8 +26,8 @@ fn score(truth: &LabelledCloud, result: &LabelledCloud, options: &CloudScoreOpti
         .labels
 }
 
-/// The default demo as a user runs it: eight clicks an organ class at most.
-fn the_demo_by_eight_clicks_a_class() {
+/// Checks the default demo as a user runs it, with at most eight clicks per organ class.
+fn demo_with_eight_clicks_per_class() {
     let out = tempfile::tempdir().unwrap();
     let folder = out.path().join("demo");
     let run = Process::new(env!("CARGO_BIN_EXE_ostra"))
@@ -72,7 +72,7 @@ fn the_demo_by_eight_clicks_a_class() {
     );
 }
 
-/// What the demo reports of a way to find cameras.
+/// Returns the demo's report for a reconstruction method.
 fn demo_report(method: &str) -> serde_json::Value {
     let out = tempfile::tempdir().unwrap();
     let folder = out.path().join("demo");
@@ -107,8 +107,10 @@ fn assert_cloud(cloud: &serde_json::Value, ious: [(&str, f64); 3], accuracy: f64
     );
 }
 
-/// The same from pictures alone: cameras and depths are made too. The aim is an accuracy of 0.95.
-fn the_demo_from_pictures_alone() {
+/// Checks the demo from images only: cameras and depth are estimated, too.
+///
+/// The aim is an accuracy of 0.95.
+fn demo_from_images_only() {
     let report = demo_report("mvs");
     assert_cloud(
         &report["cloud"],
@@ -118,8 +120,8 @@ fn the_demo_from_pictures_alone() {
     );
 }
 
-/// The same from pictures and a sensor's depth, whose poses are not known.
-fn the_demo_without_cameras() {
+/// Checks the demo from images and a sensor's depth with unknown poses.
+fn demo_without_cameras() {
     let report = demo_report("rgbd");
     assert_cloud(
         &report["cloud"],
@@ -129,8 +131,10 @@ fn the_demo_without_cameras() {
     );
 }
 
-/// The same job by true masks on four anchors in place of clicks: what carrying and voting lose.
-fn the_demo_by_true_masks_on_the_anchors() {
+/// Checks the demo with ground-truth masks on four keyframes instead of clicks.
+///
+/// This measures the loss by re-projection and voting.
+fn demo_with_ground_truth_keyframes() {
     let dir = tempfile::tempdir().unwrap();
     let Tiller { scene, recording } = tiller();
     let masks = dir.path().join("masks");
@@ -195,17 +199,18 @@ fn the_demo_by_true_masks_on_the_anchors() {
     assert!(labels.accuracy >= 0.98, "{}", labels.accuracy);
 }
 
-/// All clicks on the frame that shows every one of the objects well: a frame that was clicked is an anchor, which trackers add
-/// nothing to.
-fn the_shelf_by_two_clicks_an_object() {
+/// Puts all clicks on the frame that shows each object well.
+///
+/// Trackers add nothing to a frame that was clicked, because it is a keyframe.
+fn shelf_with_two_clicks_per_object() {
     let data = data_dir();
     let (cloud_iou, mask_iou) = shelf(&data, |truths, _| shows_all(truths));
     assert!(cloud_iou >= 0.77, "3-D IoU {cloud_iou}");
     assert!(mask_iou >= 0.67, "mask IoU {mask_iou}");
 }
 
-/// Each object on the frame that shows most of it: the frames of the others lack it.
-fn the_shelf_by_clicks_on_three_frames() {
+/// Clicks each object on the frame that shows most of it: the other objects are missing there.
+fn shelf_with_clicks_on_three_frames() {
     let data = data_dir();
     let largest = |truths: &[LabelMask], id| {
         (0..truths.len())
@@ -217,7 +222,9 @@ fn the_shelf_by_clicks_on_three_frames() {
     assert!(mask_iou >= 0.55, "mask IoU {mask_iou}");
 }
 
-/// Four objects of a real shelf, two clicks each on a frame: the mean IoU of the labelled cloud, and of the masks.
+/// Labels four objects of a real shelf by two clicks each on a frame.
+///
+/// Returns the mean IoU of the labelled cloud, and that of the masks.
 fn shelf(data: &Path, clicked: impl Fn(&[LabelMask], LabelId) -> usize) -> (f64, f64) {
     let dir = tempfile::tempdir().unwrap();
     let shelf = data.join("apc_shelf_rgbd_labels");
@@ -269,7 +276,7 @@ fn shelf(data: &Path, clicked: impl Fn(&[LabelMask], LabelId) -> usize) -> (f64,
 
 const OBJECTS: [LabelId; 4] = [LabelId(1), LabelId(2), LabelId(3), LabelId(4)];
 
-/// The frame on which no object is much smaller than where it is largest.
+/// Returns the frame on which every object is as close as possible to its largest area.
 fn shows_all(truths: &[LabelMask]) -> usize {
     let areas: Vec<[usize; 4]> = truths
         .iter()
@@ -288,7 +295,7 @@ fn shows_all(truths: &[LabelMask]) -> usize {
         .unwrap()
 }
 
-/// Two clicks of the robot user on one frame.
+/// Makes two clicks of the simulated user on one frame.
 fn click_twice(session: &mut Session, frame: usize, label: LabelId, truth: &Region) {
     let mut clicks = Vec::new();
     for _ in 0..2 {
@@ -322,9 +329,9 @@ fn click_twice(session: &mut Session, frame: usize, label: LabelId, truth: &Regi
 
 crate::registry::tests! {
     Nothing =>
-        the_demo_by_eight_clicks_a_class,
-        the_demo_from_pictures_alone,
-        the_demo_without_cameras,
-        the_demo_by_true_masks_on_the_anchors;
-    Data(&["apc_shelf_rgbd_labels"]) => the_shelf_by_two_clicks_an_object, the_shelf_by_clicks_on_three_frames;
+        demo_with_eight_clicks_per_class,
+        demo_from_images_only,
+        demo_without_cameras,
+        demo_with_ground_truth_keyframes;
+    Data(&["apc_shelf_rgbd_labels"]) => shelf_with_two_clicks_per_object, shelf_with_clicks_on_three_frames;
 }

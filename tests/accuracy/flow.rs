@@ -1,4 +1,4 @@
-//! Masks carried by optical flow: seven real films, from the true mask of the first frame.
+//! Tests of masks tracked by optical flow on seven real videos, from the first ground-truth mask.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -29,7 +29,7 @@ const CLIPS: [&str; 7] = [
     "scooter-black",
 ];
 
-/// A clip with its true masks, and what was made of those of every `every`-th frame from the first on.
+/// A clip with its ground-truth masks, and the masks tracked from every `every`-th of them.
 struct Carried {
     request: TrackRequest,
     truths: Vec<LabelMask>,
@@ -101,7 +101,9 @@ fn carried(tracker: &FlowTracker, data: &Path, clip: &str, every: usize) -> Carr
     }
 }
 
-/// Mean J and F of a clip with true masks on every `every`-th frame from the first on, those frames left out.
+/// Returns the mean J and F of a clip over the frames without a given mask.
+///
+/// The ground-truth masks of every `every`-th frame, from the first on, are given.
 fn scores(tracker: &FlowTracker, data: &Path, clip: &str, every: usize) -> (f64, f64) {
     let Carried {
         truths, tracked, ..
@@ -116,14 +118,16 @@ fn scores(tracker: &FlowTracker, data: &Path, clip: &str, every: usize) -> (f64,
     (score.j, score.f)
 }
 
-/// As [`scores`] of the default tracker from the first mask alone; each clip is tracked once.
+/// Returns the [`scores`] of the default tracker from the first mask only.
+///
+/// Each clip is tracked once.
 fn first_mask_scores(data: &Path, clip: &str) -> (f64, f64) {
     static SCORES: [OnceLock<(f64, f64)>; CLIPS.len()] = [const { OnceLock::new() }; CLIPS.len()];
     let at = CLIPS.iter().position(|name| *name == clip).unwrap();
     *SCORES[at].get_or_init(|| scores(&FlowTracker::default(), data, clip, usize::MAX))
 }
 
-fn the_first_true_mask_is_carried_through_seven_films() {
+fn first_ground_truth_mask_is_tracked_through_seven_videos() {
     let data = data_dir();
     let of_clips: Vec<(f64, f64)> = CLIPS
         .iter()
@@ -142,18 +146,21 @@ fn the_first_true_mask_is_carried_through_seven_films() {
     );
 }
 
-/// A running dog whose tail, ears and legs are a few pixels wide; with motion at half size J was 0.818 here, without votes of
-/// both neighbours 0.865.
-fn thin_parts_are_kept_between_anchors() {
+/// Checks a running dog whose tail, ears and legs are a few pixels wide.
+///
+/// With motion at half size J was 0.818 here, without votes of both neighbours 0.865.
+fn thin_parts_are_kept_between_keyframes() {
     let data = data_dir();
     let (j, f) = scores(&FlowTracker::default(), &data, "libby", 4);
     println!("libby, true masks on every fourth frame: J {j:.3}, F {f:.3}");
     assert!(j >= 0.875 && f >= 0.93, "J {j:.3}, F {f:.3}");
 }
 
-/// A bicycle, whose tracked masks are wrong by pieces of some ten pixels to a side: a click mends one of these and leaves the
-/// rest. Answered as clicks that build a mask, four of ten lower the IoU, and by more than the others raise it.
-fn a_click_on_a_tracked_mask_betters_it() {
+/// Checks corrections of a bicycle whose tracked masks have wrong parts about ten pixels wide.
+///
+/// A click corrects one of these and keeps the rest. Treated as clicks that build a mask, four of
+/// ten lower the IoU, and by more than the others raise it.
+fn click_on_a_tracked_mask_improves_it() {
     let data = data_dir();
     let Carried {
         request,
@@ -208,8 +215,11 @@ fn a_click_on_a_tracked_mask_betters_it() {
     );
 }
 
-/// Over all seven films the mean J grows by 0.022 and F by 0.028 (`cargo bench --bench flow -- --memory`).
-fn what_is_remembered_by_learned_features_is_found_again() {
+/// Checks the memory of learned features.
+///
+/// Over all seven videos, the mean J grows by 0.022 and F by 0.028 (`cargo bench --bench flow --
+/// --memory`).
+fn memory_of_learned_features_improves_tracking() {
     let Needs { networks, .. } = Needs::of("davis2016");
     let data = data_dir();
     let folder = tempfile::tempdir().unwrap();
@@ -239,8 +249,8 @@ fn what_is_remembered_by_learned_features_is_found_again() {
 
 crate::registry::tests! {
     Data(&["davis2016"]) =>
-        the_first_true_mask_is_carried_through_seven_films,
-        thin_parts_are_kept_between_anchors,
-        a_click_on_a_tracked_mask_betters_it;
-    Networks(&["davis2016"]) => what_is_remembered_by_learned_features_is_found_again;
+        first_ground_truth_mask_is_tracked_through_seven_videos,
+        thin_parts_are_kept_between_keyframes,
+        click_on_a_tracked_mask_improves_it;
+    Networks(&["davis2016"]) => memory_of_learned_features_improves_tracking;
 }

@@ -1,4 +1,6 @@
-//! A cloud that follows the masks: after a correction its points vote again in memory, without a new fusion.
+//! Tests of the live vote.
+//!
+//! After a correction, the points vote again in memory without a new fusion.
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -16,7 +18,7 @@ use super::correct::{JOKES, TISSUES, truth, wrongly_labelled};
 use crate::data::data_dir;
 use crate::session::perform;
 
-/// Imports the true masks of some frames.
+/// Imports the ground-truth masks of some frames.
 fn put_right(session: &mut Session, data: &Path, folder: &Path, frames: std::ops::Range<usize>) {
     let masks = folder.join(format!("right-{}", frames.start));
     std::fs::create_dir(&masks).unwrap();
@@ -38,7 +40,7 @@ fn put_right(session: &mut Session, data: &Path, folder: &Path, frames: std::ops
     .unwrap();
 }
 
-/// Lets the cloud follow the masks, and waits for it.
+/// Starts the live vote and returns the cloud after it.
 fn followed(session: &mut Session) -> Arc<LabelledCloud> {
     session.follow_masks();
     let events = session.settle(|_| ControlFlow::Continue(()));
@@ -72,7 +74,7 @@ fn fuse() -> Command {
     })
 }
 
-fn labels_of_the_cloud_follow_the_masks_and_are_those_of_a_new_fusion() {
+fn labels_after_a_live_vote_equal_those_of_a_new_fusion() {
     let data = data_dir();
     let folder = tempfile::tempdir().unwrap();
     let mut session = wrongly_labelled(&data, folder.path());
@@ -86,7 +88,7 @@ fn labels_of_the_cloud_follow_the_masks_and_are_those_of_a_new_fusion() {
         "nothing changed since the points voted"
     );
     assert!(doubts(&mut session).values().all(|&doubt| doubt < 0.1));
-    // One frame is outvoted: only shares change. Ten of the fifteen win.
+    // One corrected frame is outvoted and only changes the confidence. Ten of the fifteen win.
     put_right(&mut session, &data, folder.path(), 7..8);
     let one = followed(&mut session);
     assert!(one.labels != wrong.labels || one.confidence != wrong.confidence);
@@ -135,7 +137,7 @@ fn labels_of_the_cloud_follow_the_masks_and_are_those_of_a_new_fusion() {
             && fused.confidence == ten.confidence
             && **session.votes().unwrap() == *votes
     );
-    // Before that fusion, and before ten masks were right: the cloud that is read again follows as well.
+    // Undo the fusion, then the correction of ten masks: the reloaded cloud votes again, too.
     for _ in 0..2 {
         perform(&mut session, Command::Undo).unwrap();
         let _ = session.cloud();
@@ -146,7 +148,7 @@ fn labels_of_the_cloud_follow_the_masks_and_are_those_of_a_new_fusion() {
     assert_eq!(followed(&mut session).labels, wrong.labels);
 }
 
-/// What is written is what is seen; what did not follow is told.
+/// Checks that the exported cloud is the shown one, and that a warning names results that are not.
 fn exported(session: &mut Session, folder: &Path, seen: &LabelledCloud) {
     let (cloud, mesh) = (folder.join("followed.ply"), folder.join("mesh.ply"));
     let warnings = |session: &mut Session, request: ExportRequest| -> Vec<String> {
@@ -184,7 +186,7 @@ fn exported(session: &mut Session, folder: &Path, seen: &LabelledCloud) {
     );
 }
 
-/// Another session finds the cloud as it was written, and lets it follow.
+/// Checks that another session loads the cloud as written and updates it by the live vote.
 fn opened_again(session: &mut Session, before: &LabelledCloud) {
     let root = session.root().unwrap().to_owned();
     *session = Session::new();
@@ -199,7 +201,7 @@ fn opened_again(session: &mut Session, before: &LabelledCloud) {
     let events = perform(session, Command::Export(of_cloud)).unwrap();
     let tells = |event: &Event| matches!(event, Event::Warning(text) if text.contains("written as it was fused"));
     assert!(events.iter().any(tells), "{events:?}");
-    // What is done with the vote does not depend on whether somebody looks on.
+    // Accepting the vote gives the same result with and without the live vote.
     perform(
         session,
         Command::AcceptVote {
@@ -229,5 +231,5 @@ fn opened_again(session: &mut Session, before: &LabelledCloud) {
 }
 
 crate::registry::tests! {
-    Data(&["apc_shelf_rgbd_labels"]) => labels_of_the_cloud_follow_the_masks_and_are_those_of_a_new_fusion;
+    Data(&["apc_shelf_rgbd_labels"]) => labels_after_a_live_vote_equal_those_of_a_new_fusion;
 }

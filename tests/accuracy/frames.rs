@@ -1,4 +1,4 @@
-//! Real folders of images and depths open.
+//! Tests that real folders of images and depth open.
 
 use std::path::PathBuf;
 
@@ -51,7 +51,7 @@ fn a_real_rgbd_folder_opens_with_depth_in_metres() {
     );
 }
 
-fn real_folders_of_pictures_decode() {
+fn real_folders_of_images_decode() {
     let data = data_dir();
     let folders = [
         ("banana/images", 16),
@@ -79,5 +79,5 @@ fn real_folders_of_pictures_decode() {
 
 crate::registry::tests! {
     Data(&["redkitchen_rgbd_a"]) => a_real_rgbd_folder_opens_with_depth_in_metres;
-    Data(&["banana", "sceaux_castle", "romi_virtual_plant_labels"]) => real_folders_of_pictures_decode;
+    Data(&["banana", "sceaux_castle", "romi_virtual_plant_labels"]) => real_folders_of_images_decode;
 }

@@ -1,4 +1,4 @@
-//! Fusion of real recordings and of the made scene, by their true masks.
+//! Tests of the fusion of real recordings and of the synthetic scene, with ground-truth masks.
 
 use std::sync::{Arc, OnceLock};
 
@@ -52,8 +52,8 @@ fn shelf() -> (DataSet, LabelledCloud) {
     )
 }
 
-/// The vote by true masks gives the labels of the reference cloud.
-fn shelf_by_true_masks() {
+/// Checks that the vote of ground-truth masks gives the labels of the reference cloud.
+fn shelf_with_ground_truth_masks() {
     let (shelf, truth) = shelf();
     let result = fused(&shelf, &FuseOptions::default());
     println!("{:?}", result.report);
@@ -84,7 +84,7 @@ fn bytes(fused: &Fused) -> (Vec<u8>, Vec<u8>) {
     (cloud, votes)
 }
 
-fn the_same_bytes_with_any_number_of_threads() {
+fn bytes_do_not_depend_on_the_number_of_threads() {
     let (shelf, _) = shelf();
     let options = FuseOptions {
         voxel: Some(0.004),
@@ -103,7 +103,7 @@ fn the_same_bytes_with_any_number_of_threads() {
     assert!(one == with(5), "one thread and five");
 }
 
-fn a_mask_taken_back_and_given_again() {
+fn removed_and_restored_mask_gives_the_same_votes() {
     let (shelf, _) = shelf();
     let whole = fused(
         &shelf,
@@ -144,7 +144,9 @@ fn onto(views: &DataSet, cloud: &LabelledCloud) -> LabelledCloud {
     .cloud
 }
 
-/// Masks of organs 1 to 3 pixels thin vote on a given cloud. The floor is the first honest run.
+/// Checks the vote of masks of organs 1 to 3 pixels thin on a given cloud.
+///
+/// The floor is the result of the first valid run.
 fn plant_organs_onto_a_given_cloud() {
     let (plant, truth) = plant();
     let labels = score(&truth, &onto(&plant, &truth), &within(0.001)).labels;
@@ -152,8 +154,11 @@ fn plant_organs_onto_a_given_cloud() {
     assert!(labels.accuracy > 0.955, "accuracy {}", labels.accuracy);
 }
 
-/// The set's principal point is half a pixel off: its pictures were rendered about their middle, which is 448, not
-/// 448.5. With the true one the same masks give more, so half a pixel within the vote would show here.
+/// Checks the same vote with the true principal point.
+///
+/// The set's principal point is half a pixel off: its images were rendered about their middle,
+/// which is 448, not 448.5. With the true one the same masks give more, so half a pixel within the
+/// vote would show here.
 fn plant_organs_with_the_principal_point_in_the_middle() {
     let (mut plant, truth) = plant();
     for frame in &mut plant.frames {
@@ -168,7 +173,7 @@ fn plant_organs_with_the_principal_point_in_the_middle() {
     assert!(labels.accuracy > 0.978, "accuracy {}", labels.accuracy);
 }
 
-/// The made scene in memory.
+/// The synthetic scene in memory.
 struct Made {
     frames: Vec<Frame>,
     views: Vec<RenderedView>,
@@ -222,13 +227,13 @@ impl Views for Made {
     }
 }
 
-/// A scene and its rendered views.
+/// A synthetic scene and its rendered views.
 struct RenderedScene {
     scene: Scene,
     made: Made,
 }
 
-/// The default scene as a noisy sensor records it, rendered once.
+/// Returns the default scene as a noisy sensor records it, rendered once.
 fn noisy_tiller() -> &'static RenderedScene {
     static TILLER: OnceLock<RenderedScene> = OnceLock::new();
     TILLER.get_or_init(|| {
@@ -242,7 +247,7 @@ fn noisy_tiller() -> &'static RenderedScene {
     })
 }
 
-/// Organs of the tiller by true masks: IoU of each, accuracy.
+/// Returns the IoU of each organ of the tiller, and the accuracy, with ground-truth masks.
 fn organs(scene: &Scene, made: &Made) -> (Vec<f64>, f64) {
     let result = fuse(
         made,
@@ -266,7 +271,7 @@ fn organs(scene: &Scene, made: &Made) -> (Vec<f64>, f64) {
     )
 }
 
-fn tiller_by_true_masks() {
+fn tiller_with_ground_truth_masks() {
     let scene = &tiller().scene;
     let (iou, accuracy) = organs(scene, &Made::new(scene));
     assert!(
@@ -276,7 +281,7 @@ fn tiller_by_true_masks() {
     assert!(accuracy > 0.99, "{accuracy}");
 }
 
-fn tiller_from_a_noisy_sensor_by_true_masks() {
+fn noisy_tiller_with_ground_truth_masks() {
     let RenderedScene { scene, made } = noisy_tiller();
     let (iou, accuracy) = organs(scene, made);
     assert!(
@@ -286,8 +291,11 @@ fn tiller_from_a_noisy_sensor_by_true_masks() {
     assert!(accuracy > 0.985, "{accuracy}");
 }
 
-/// Points by where they lie: farther than 2 % of their depth from every labelled surface, with no label from any view
-/// (background) or some (contour), and within 2 mm of a labelled surface.
+/// Counts of points by their position relative to the labelled surfaces.
+///
+/// Background and contour points are farther than 2 % of their depth from every labelled surface:
+/// without a label from any view (background), or with one (contour). True points are within 2 mm
+/// of a labelled surface.
 #[derive(Debug, Default)]
 struct Lie {
     background: usize,
@@ -315,7 +323,7 @@ fn lie(fused: &Fused, truth: &Neighbours, eyes: &[glam::Vec3]) -> Lie {
     lie
 }
 
-fn the_noise_filter_takes_what_lies_off_and_leaves_what_is_true() {
+fn noise_filter_removes_outliers_and_keeps_true_points() {
     let RenderedScene { scene, made } = noisy_tiller();
     let progress = Progress::default();
     let options = TruthOptions {
@@ -360,13 +368,13 @@ fn the_noise_filter_takes_what_lies_off_and_leaves_what_is_true() {
 
 crate::registry::tests! {
     Nothing =>
-        tiller_by_true_masks,
-        tiller_from_a_noisy_sensor_by_true_masks,
-        the_noise_filter_takes_what_lies_off_and_leaves_what_is_true;
+        tiller_with_ground_truth_masks,
+        noisy_tiller_with_ground_truth_masks,
+        noise_filter_removes_outliers_and_keeps_true_points;
     Data(&["apc_shelf_rgbd_labels"]) =>
-        shelf_by_true_masks,
-        the_same_bytes_with_any_number_of_threads,
-        a_mask_taken_back_and_given_again;
+        shelf_with_ground_truth_masks,
+        bytes_do_not_depend_on_the_number_of_threads,
+        removed_and_restored_mask_gives_the_same_votes;
     Data(&["romi_virtual_plant_labels"]) =>
         plant_organs_onto_a_given_cloud,
         plant_organs_with_the_principal_point_in_the_middle;

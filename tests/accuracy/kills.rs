@@ -1,6 +1,6 @@
-//! A kill in the middle of every kind of long job loses nothing.
+//! Tests that a kill in the middle of any kind of long job loses nothing.
 //!
-//! `OSTRA_KILLS` sets how many kills there are over all kinds; by default two of each.
+//! `OSTRA_KILLS` sets the number of kills over all kinds; the default is two of each.
 
 use crate::kill_jobs::{JOBS, kill};
 

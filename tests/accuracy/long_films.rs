@@ -1,5 +1,7 @@
-//! Long films tracked by flow: memory does not grow with their length, a stop is quick, and a kill loses nothing that
-//! was reported done.
+//! Tests of long videos tracked by flow.
+//!
+//! Memory does not grow with their length, a stop is quick, and a kill loses nothing that was
+//! reported as done.
 
 #![expect(
     clippy::disallowed_methods,
@@ -25,7 +27,7 @@ use crate::film::{Making, make_film};
 const ROOT: &str = "OSTRA_TEST_TRACKED_ROOT";
 const DISK_RADIUS: f64 = 20.0;
 
-/// Where the disk is on picture k: it goes to and fro.
+/// Returns the centre of the disk on image k; it moves back and forth.
 fn centre((width, height): (u32, u32), k: u64) -> DVec2 {
     let (width, height) = (f64::from(width), f64::from(height));
     let phase = k as f64 / 40.0;
@@ -35,7 +37,7 @@ fn centre((width, height): (u32, u32), k: u64) -> DVec2 {
     )
 }
 
-/// Noise that stays where it is, 0–63.
+/// Returns noise of 0–63 that is a fixed function of the position.
 fn grain(x: i64, y: i64) -> u8 {
     let mixed = (x / 3)
         .wrapping_mul(0x9E37_79B1)
@@ -43,7 +45,7 @@ fn grain(x: i64, y: i64) -> u8 {
     ((mixed ^ (mixed >> 15)).wrapping_mul(0x2C1B_3C6D) >> 20) as u8 & 63
 }
 
-/// A red disk with a grain of its own before a grey wall.
+/// Returns the image of a red disk, with its own noise, in front of a grey wall.
 fn picture(size: (u32, u32), k: u64) -> Vec<u8> {
     let centre = centre(size, k);
     let pixel = |at: u32| {
@@ -70,7 +72,7 @@ fn perform(session: &mut Session, command: Command) {
     );
 }
 
-/// A project on a new film, with the disk painted on `anchor`.
+/// Creates a project on a new video, with the disk painted on the keyframe `anchor`.
 fn project(folder: &Path, size: (u32, u32), count: u64, anchor: u64) -> PathBuf {
     let film = folder.join("film.mp4");
     let options = "-c:v libx264 -preset ultrafast -crf 20 -pix_fmt yuv420p";
@@ -136,7 +138,7 @@ fn track() -> Command {
     })
 }
 
-/// A line of `/proc/PID/status` in KiB; `None` once the process has ended.
+/// Returns a line of `/proc/PID/status` in KiB; `None` once the process has ended.
 #[cfg(target_os = "linux")]
 fn memory_kib(process: u32, line: &str) -> Option<u64> {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
@@ -148,10 +150,12 @@ fn memory_kib(process: u32, line: &str) -> Option<u64> {
         .ok()
 }
 
-/// Pictures are wide and low: more of them than the cache of 256 MiB holds by a third of the film, and little to
-/// track, so that 3,000 take no longer than a minute or so.
+/// Checks that the memory of the last third of the video is that of the second third.
+///
+/// The images are wide and low: a third of the video exceeds the cache of 256 MiB, and there is
+/// little to track, so that 3,000 frames take no longer than about a minute.
 #[cfg(target_os = "linux")]
-fn three_thousand_frames_need_no_more_memory_than_a_thousand() {
+fn memory_does_not_grow_over_three_thousand_frames() {
     const SIZE: (u32, u32) = (1280, 72);
     const COUNT: u64 = 3000;
     let folder = tempfile::tempdir().unwrap();
@@ -189,10 +193,11 @@ fn three_thousand_frames_need_no_more_memory_than_a_thousand() {
     assert_eq!(masks.len() as u64, COUNT);
 }
 
-fn a_stop_is_answered_wherever_the_run_is() {
+fn stop_works_at_any_point_of_a_run() {
     const SIZE: (u32, u32) = (640, 360);
     let folder = tempfile::tempdir().unwrap();
-    // From the middle, both ways: stops fall into walks forwards and backwards.
+    // Tracking starts in the middle in both directions, so that stops hit forward and backward
+    // passes.
     let root = project(folder.path(), SIZE, 40, 20);
     let mut session = opened(&root);
     let mut waits: Vec<Duration> = (0..9)
@@ -202,7 +207,7 @@ fn a_stop_is_answered_wherever_the_run_is() {
     println!("stops answered after {waits:?}");
 }
 
-/// How long a run takes to stop that was begun `ms` before.
+/// Returns how long a run takes to stop when it is stopped after `ms`.
 fn stopped_after(session: &mut Session, ms: u64) -> Duration {
     session.act(track()).unwrap();
     let begun = Instant::now();
@@ -230,9 +235,9 @@ fn stopped_after(session: &mut Session, ms: u64) -> Duration {
     }
 }
 
-/// The program is stopped as a terminal stops it.
+/// Interrupts the program as a terminal does.
 #[cfg(unix)]
-fn an_interrupt_ends_the_program_with_130_and_keeps_what_is_done() {
+fn interrupt_exits_with_130_and_keeps_finished_frames() {
     let folder = tempfile::tempdir().unwrap();
     let root = project(folder.path(), (320, 180), 400, 0);
     let mut process = Process::new(env!("CARGO_BIN_EXE_ostra"));
@@ -273,7 +278,9 @@ fn an_interrupt_ends_the_program_with_130_and_keeps_what_is_done() {
     );
 }
 
-/// The child: tracks and says which frames are safe. Nothing to do unless the parent asks.
+/// Runs the child process, which tracks and prints the safe frames.
+///
+/// Does nothing unless the parent asks for it.
 fn child() {
     let Some(root) = std::env::var_os(ROOT) else {
         return;
@@ -300,7 +307,7 @@ fn child() {
     }
 }
 
-/// Lets a child track until so many frames are safe, kills it, and gives those that it last said are.
+/// Lets a child track until `enough` frames are safe and kills it; returns the last printed frames.
 fn killed_at(root: &Path, enough: usize) -> Vec<usize> {
     let exe = std::env::current_exe().unwrap();
     let args = [
@@ -337,7 +344,7 @@ fn killed_at(root: &Path, enough: usize) -> Vec<usize> {
     safe
 }
 
-fn a_kill_while_tracking_keeps_every_frame_that_was_done() {
+fn kill_while_tracking_keeps_every_finished_frame() {
     const COUNT: usize = 120;
     let folder = tempfile::tempdir().unwrap();
     let root = project(folder.path(), (320, 180), COUNT as u64, 60);
@@ -381,9 +388,9 @@ fn a_kill_while_tracking_keeps_every_frame_that_was_done() {
 
 crate::registry::tests! {
     Ffmpeg =>
-        three_thousand_frames_need_no_more_memory_than_a_thousand,
-        a_stop_is_answered_wherever_the_run_is,
-        an_interrupt_ends_the_program_with_130_and_keeps_what_is_done,
-        a_kill_while_tracking_keeps_every_frame_that_was_done;
+        memory_does_not_grow_over_three_thousand_frames,
+        stop_works_at_any_point_of_a_run,
+        interrupt_exits_with_130_and_keeps_finished_frames,
+        kill_while_tracking_keeps_every_finished_frame;
     Nothing => child;
 }

@@ -1,8 +1,9 @@
-//! The tier of tests on real data: floors of accuracy that may only rise, whole demos, long runs.
+//! Tests on real data: accuracy floors that may only rise, whole demos, long runs.
 //!
-//! `cargo test --test accuracy [-- FILTER]`. Data sets are read from `../shared/data` or `OSTRA_DATA`, networks from
-//! `../shared/models` or `OSTRA_MODELS`, run by the library that `ORT_DYLIB_PATH` names. A test without its data is
-//! reported as ignored with the reason, and fails when `CI` is set.
+//! `cargo test --test accuracy [-- FILTER]`. Data sets are read from `../shared/data` or
+//! `OSTRA_DATA`, networks from `../shared/models` or `OSTRA_MODELS`. `ORT_DYLIB_PATH` names the
+//! library that runs them. A test without its data is reported as ignored with the reason, and
+//! fails when `CI` is set.
 
 #![expect(
     clippy::unwrap_used,

@@ -1,4 +1,4 @@
-//! Mask formats and scores on the DAVIS-2016 clips.
+//! Tests of mask formats and scores on the DAVIS-2016 clips.
 
 use std::path::Path;
 
@@ -52,7 +52,7 @@ fn shifted(mask: &LabelMask, by: usize) -> LabelMask {
     moved
 }
 
-fn a_shifted_truth_scores_as_computed_elsewhere() {
+fn scores_of_shifted_masks_equal_an_independent_computation() {
     let data = data_dir();
     let names = frame_names();
     let masks = imported(&data.join(CLIP), MaskFormat::Davis, &names);
@@ -122,7 +122,7 @@ fn real_masks_survive_every_format() {
     }
 }
 
-fn the_deepest_point_of_a_real_object_is_on_it() {
+fn deepest_point_of_a_real_object_lies_on_it() {
     let data = data_dir();
     let mask = read_palette_png(&data.join(CLIP).join("00000.png")).unwrap();
     let object = mask.region(LabelId(255));
@@ -132,7 +132,7 @@ fn the_deepest_point_of_a_real_object_is_on_it() {
 
 crate::registry::tests! {
     Data(&["davis2016"]) =>
-        a_shifted_truth_scores_as_computed_elsewhere,
+        scores_of_shifted_masks_equal_an_independent_computation,
         real_masks_survive_every_format,
-        the_deepest_point_of_a_real_object_is_on_it;
+        deepest_point_of_a_real_object_lies_on_it;
 }

@@ -1,4 +1,4 @@
-//! What tests of networks need, and the program with networks of its own.
+//! Requirements of tests with networks, and the program with a separate data folder.
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::process::Command;
 
 use crate::data::{data_dir, models_dir, onnx_runtime};
 
-/// Frames, networks and ONNX Runtime.
+/// Paths of a data set, the networks and ONNX Runtime.
 pub struct Needs {
     pub set: PathBuf,
     pub networks: PathBuf,
@@ -14,7 +14,7 @@ pub struct Needs {
 }
 
 impl Needs {
-    /// What the tests of one data set need.
+    /// Returns the requirements of the tests on one data set.
     pub fn of(set: &str) -> Self {
         Self {
             set: data_dir().join(set),
@@ -24,7 +24,7 @@ impl Needs {
     }
 }
 
-/// Runs the program with a data folder of its own; its exit status and both outputs.
+/// Runs the program with a separate data folder; returns its exit status and both outputs.
 pub fn ostra<S: AsRef<OsStr>>(
     data: &Path,
     runtime: Option<&Path>,
@@ -45,7 +45,7 @@ pub fn ostra<S: AsRef<OsStr>>(
     )
 }
 
-/// What a command says that must fail in one line.
+/// Runs a command that must fail with one error line, and returns the line.
 pub fn refused(data: &Path, runtime: Option<&Path>, args: &[&str]) -> String {
     let (code, out, err) = ostra(data, runtime, args);
     assert_eq!(code, Some(1), "{args:?}: {out}{err}");

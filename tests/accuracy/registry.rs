@@ -1,4 +1,7 @@
-//! The tests of this tier: found by name, run side by side, reported as ignored where what they need is missing.
+//! Registry of the accuracy tests.
+//!
+//! Tests are selected by name and run in parallel. A test whose requirements are missing is
+//! reported as ignored.
 
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -9,22 +12,22 @@ use libtest_mimic::{Arguments, Trial};
 use crate::data::{find_data, find_models, find_onnx_runtime};
 use crate::film::has_ffmpeg;
 
-/// What a test needs besides the repository.
+/// Requirements of a test besides the repository.
 #[derive(Debug, Clone, Copy)]
 pub enum Needs {
     Nothing,
     /// The program ffmpeg.
     Ffmpeg,
-    /// Real data sets, by the names of their folders.
+    /// Real data sets, by folder name.
     Data(&'static [&'static str]),
-    /// Networks' weights, as files.
+    /// Files of network weights.
     Models,
-    /// Real data sets, networks' weights and something to run them.
+    /// Real data sets, network weights and ONNX Runtime.
     Networks(&'static [&'static str]),
 }
 
 impl Needs {
-    /// Why a test cannot run; `None` where all it needs is there.
+    /// Returns why a test cannot run; `None` if all requirements are met.
     fn missing(self) -> Option<String> {
         match self {
             Self::Nothing => None,
@@ -38,7 +41,7 @@ impl Needs {
     }
 }
 
-/// Names the folder of data sets or the first of the `sets` that is missing.
+/// Returns a message about the missing data folder or the first missing set.
 fn missing_data(sets: &[&str]) -> Option<String> {
     let data = match find_data() {
         Ok(data) => data,
@@ -48,7 +51,7 @@ fn missing_data(sets: &[&str]) -> Option<String> {
     Some(format!("data set {set} is missing in {}", data.display()))
 }
 
-/// One test.
+/// A registered test.
 #[derive(Clone, Copy)]
 pub struct Test {
     pub name: &'static str,
@@ -56,7 +59,7 @@ pub struct Test {
     pub run: fn(),
 }
 
-/// Lists the tests of a module by what they need.
+/// Defines `tests()`, which lists the tests of a module by requirement.
 macro_rules! tests {
     ($($needs:expr => $($test:ident),+;)+) => {
         pub fn tests() -> Vec<crate::registry::Test> {
@@ -71,10 +74,10 @@ macro_rules! tests {
 }
 pub(crate) use tests;
 
-/// Seconds of the tests that ended.
+/// Durations and names of the tests that ended.
 type Seconds = Arc<Mutex<Vec<(Duration, &'static str)>>>;
 
-/// Runs what the command line asks for and prints how long each test took, the slowest first.
+/// Runs the tests that the command line selects, then prints their durations, longest first.
 pub fn run(tests: Vec<Test>) -> ExitCode {
     let arguments = Arguments::from_args();
     let seconds = Seconds::default();
@@ -91,7 +94,9 @@ pub fn run(tests: Vec<Test>) -> ExitCode {
     conclusion.exit_code()
 }
 
-/// A test whose needs are missing is ignored with the reason, and fails when `CI` is set.
+/// Wraps a test for libtest_mimic.
+///
+/// A test whose requirements are missing is ignored with the reason, and fails when `CI` is set.
 fn trial(test: Test, seconds: &Seconds) -> Trial {
     let name = test.name.strip_prefix("accuracy::").unwrap_or(test.name);
     let missing = test.needs.missing();

@@ -1,4 +1,4 @@
-//! RGB-D recordings whose cameras are not given.
+//! Tests of RGB-D recordings without given cameras.
 
 use std::path::Path;
 
@@ -25,12 +25,15 @@ fn refused(project: &Project, more: &[&str]) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// The centres lie nearly in a line, so that an alignment by them leaves the turn about it open: how far cameras are turned
-/// against each other is told by orientations laid onto each other by themselves, or with the centres in one sum.
+/// Checks poses and focal length of a kitchen recording with unknown cameras.
 ///
-/// The recording's pictures do not lie on its depths: its sensor's colour camera has a focal length of some 525 px and stands
-/// 2.5 cm aside, where 585 px were given, which are the depth camera's.
-fn a_kitchen_without_cameras() {
+/// The camera centres lie nearly on a line, so an alignment by centres leaves the rotation about
+/// that line open. Rotation errors are therefore measured after aligning the orientations by
+/// themselves, or together with the centres in one sum.
+///
+/// The recording's images are not registered to its depth. The sensor's colour camera has a focal
+/// length of about 525 px and is offset by 2.5 cm; the given 585 px are those of the depth camera.
+fn kitchen_without_cameras() {
     let data = data_dir();
     let set = data.join("redkitchen_rgbd_a");
     let project = recording(&set, &INTRINSICS);
@@ -80,8 +83,9 @@ fn a_kitchen_without_cameras() {
         );
     }
     the_camera_beside_is_part_of_the_step(&project);
-    // Part of that is the truth's, which is a tracker's too: the depths of frames far apart meet more often by what was found,
-    // poses and the pictures' camera together.
+    // Part of the error comes from the ground truth, which is itself the output of a tracker. With
+    // the estimated poses and colour camera, depth of distant frames agrees more often than with
+    // the given ones.
     let given = recording(
         &set,
         &[
@@ -100,7 +104,10 @@ fn a_kitchen_without_cameras() {
     );
 }
 
-/// Undone, pictures and depths have the camera that was given, and all its own again when the step is redone; on the disk too.
+/// Checks that the estimated colour camera is part of the undo step.
+///
+/// After undo, images and depth have the given camera; after redo, each has its own again. This
+/// also holds for the saved project.
 fn the_camera_beside_is_part_of_the_step(project: &Project) {
     let mut session = Session::new();
     perform(&mut session, Command::Open(project.root().into())).unwrap();
@@ -147,7 +154,9 @@ fn the_camera_beside_is_part_of_the_step(project: &Project) {
     assert_eq!(cameras(&reopened(session)), found);
 }
 
-/// Of what the depths of two frames 10, 20 and 40 apart show in nearly one place: the share that is within 1.2 %.
+/// Returns how much depth agrees between frames 10, 20 and 40 apart.
+///
+/// Of the pixels that two frames see in nearly the same place, the share within 1.2 %.
 fn shares_that_meet(project: &Project) -> [f64; 3] {
     let mut session = Session::new();
     perform(&mut session, Command::Open(project.root().into())).unwrap();
@@ -192,7 +201,7 @@ fn share_that_meets([source, target]: [&Frame; 2], store: &FrameStore) -> f64 {
     offs.iter().filter(|off| **off < 0.012).count() as f64 / offs.len().max(1) as f64
 }
 
-fn every_third_frame_is_registered_and_the_others_placed_beside_them() {
+fn every_third_frame_is_registered_and_the_others_are_added() {
     let data = data_dir();
     let set = data.join("redkitchen_rgbd_a");
     let project = recording(&set, &[&["--to", "30"], &INTRINSICS[..]].concat());
@@ -210,7 +219,7 @@ fn every_third_frame_is_registered_and_the_others_placed_beside_them() {
     assert_eq!(project.placed(), 31);
 }
 
-fn what_registration_needs_is_said() {
+fn missing_requirements_of_registration_are_reported() {
     let data = data_dir();
     let set = data.join("redkitchen_rgbd_a");
     let pictures = Project::new(&set.join("color"), &["--to", "5"]);
@@ -222,7 +231,7 @@ fn what_registration_needs_is_said() {
 
 crate::registry::tests! {
     Data(&["redkitchen_rgbd_a"]) =>
-        a_kitchen_without_cameras,
-        every_third_frame_is_registered_and_the_others_placed_beside_them,
-        what_registration_needs_is_said;
+        kitchen_without_cameras,
+        every_third_frame_is_registered_and_the_others_are_added,
+        missing_requirements_of_registration_are_reported;
 }

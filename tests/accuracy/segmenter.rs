@@ -1,4 +1,4 @@
-//! The segmenter without weights under a robot user, on real films with truth.
+//! Tests of the built-in segmenter with a simulated user, on real videos with ground truth.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -12,10 +12,10 @@ use rayon::prelude::*;
 
 use crate::data::data_dir;
 
-/// Clicks at most.
+/// Maximum number of clicks.
 const CAP: usize = 20;
 
-/// First, middle and last frame of every clip: picture and truth.
+/// Returns the image and ground-truth paths of the first, middle and last frame of every clip.
 fn frames(root: &Path) -> Vec<(PathBuf, PathBuf)> {
     let mut frames = Vec::new();
     for clip in sorted(&root.join("JPEGImages")) {
@@ -40,7 +40,9 @@ fn sorted(folder: &Path) -> Vec<PathBuf> {
     paths
 }
 
-/// IoU after each click into the largest error; the last one stands for those that were not needed.
+/// Returns the IoU after each click into the largest error.
+///
+/// The last value fills the list up to `CAP`.
 fn play((picture, truth): &(PathBuf, PathBuf)) -> Vec<f64> {
     let image = image::open(picture).unwrap().to_rgb8();
     let (width, height) = image.dimensions();
@@ -81,7 +83,7 @@ fn iou(a: &Region, b: &Region) -> f64 {
     both as f64 / pairs().filter(|(a, b)| **a || **b).count() as f64
 }
 
-fn a_robot_user_needs_few_clicks_and_in_the_mean_no_further_one_harms() {
+fn simulated_user_needs_few_clicks_and_no_click_lowers_the_mean() {
     let data = data_dir();
     let runs: Vec<Vec<f64>> = frames(&data.join("davis2016"))
         .par_iter()
@@ -116,5 +118,5 @@ fn a_robot_user_needs_few_clicks_and_in_the_mean_no_further_one_harms() {
 }
 
 crate::registry::tests! {
-    Data(&["davis2016"]) => a_robot_user_needs_few_clicks_and_in_the_mean_no_further_one_harms;
+    Data(&["davis2016"]) => simulated_user_needs_few_clicks_and_no_click_lowers_the_mean;
 }

@@ -1,4 +1,4 @@
-//! Structure from motion as a user runs it, on real pictures: floors that may only rise, and what it says when it fails.
+//! Tests of structure from motion on real images: floors that may only rise, and errors.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -24,12 +24,12 @@ impl Project {
             .unwrap() as usize
     }
 
-    /// Cameras against the truth after Sim(3).
+    /// Returns the camera errors against the ground truth after a Sim(3) alignment.
     pub fn errors(&self, truth: &Path) -> Value {
         self.errors_after(&["--align", "sim3"], truth)
     }
 
-    /// Cameras against the truth after an alignment.
+    /// Returns the camera errors against the ground truth after the given alignment.
     pub fn errors_after(&self, align: &[&str], truth: &Path) -> Value {
         let out = self.dir.path().join("cameras");
         self.done(&["export", &self.root(), "--cameras", out.to_str().unwrap()]);
@@ -46,7 +46,7 @@ impl Project {
     }
 }
 
-/// Centre error (rmse) in percent of the extent, rotation median in degrees.
+/// Returns the centre error (rmse) in percent of the extent and the rotation median in degrees.
 fn accuracy(name: &str, errors: &Value) -> (f64, f64) {
     let number = |path: &str| errors.pointer(path).and_then(Value::as_f64).unwrap();
     let (centre, rotation) = (
@@ -106,15 +106,17 @@ fn dtu_with_unknown_intrinsics() {
     assert!(centre <= 0.3);
 }
 
-fn a_castle_without_any_truth_registers_whole() {
+fn castle_without_ground_truth_registers_completely() {
     let data = data_dir();
     let project = Project::new(&data.join("sceaux_castle/images"), &[]);
     let said = project.reconstruct(&[]);
     assert_eq!(project.placed(), 11, "{said}");
 }
 
+/// Checks a plant on a turntable.
+///
 /// The arm's set points are good to some millimetres on a circle of 300 mm.
-fn a_thin_plant_turned_before_a_camera() {
+fn thin_plant_on_a_turntable() {
     let data = data_dir();
     let set = data.join("romi_real_plant");
     let project = Project::new(&set.join("images"), &[]);
@@ -125,7 +127,9 @@ fn a_thin_plant_turned_before_a_camera() {
     assert!(percent <= 1.0);
 }
 
-/// Distance of the camera centres from the arm's set points after Sim(3), rmse in percent of the extent.
+/// Returns the rmse between camera centres and the arm's set points, in percent of the extent.
+///
+/// The centres are aligned by Sim(3).
 fn set_point_error(project: &Project, set: &Path) -> f64 {
     let text = std::fs::read_to_string(set.join("approximate_poses.json")).unwrap();
     let told: Value = serde_json::from_str(&text).unwrap();
@@ -162,7 +166,7 @@ fn set_point_error(project: &Project, set: &Path) -> f64 {
     100.0 * (errors.sum::<f64>() / told.len() as f64).sqrt() / extent
 }
 
-/// Names and poses of the frames that have a camera.
+/// Returns the names and poses of the frames that have a camera.
 pub(super) fn cameras(project: &Project) -> Vec<(String, Pose)> {
     let out = project.dir.path().join("read back");
     project.done(&[
@@ -174,7 +178,7 @@ pub(super) fn cameras(project: &Project) -> Vec<(String, Pose)> {
     poses(&out)
 }
 
-/// Names and poses of a file of cameras.
+/// Returns the names and poses of a file of cameras.
 fn poses(path: &Path) -> Vec<(String, Pose)> {
     let named = |key: &CameraKey| match key {
         CameraKey::Name(name) => name.clone(),
@@ -192,8 +196,8 @@ fn poses(path: &Path) -> Vec<(String, Pose)> {
         .collect()
 }
 
-/// 56 of 167 frames make the map, the others are placed in it; colour only.
-fn every_third_frame_of_a_kitchen_makes_the_map() {
+/// Checks a map from 56 of 167 frames, in which the others are registered; colour only.
+fn every_third_frame_of_a_kitchen_forms_the_map() {
     let data = data_dir();
     let set = data.join("redkitchen_rgbd_a");
     for (name, more) in [
@@ -227,7 +231,7 @@ fn every_third_frame_of_a_kitchen_makes_the_map() {
     }
 }
 
-fn close_ups_are_added_to_a_standing_model() {
+fn close_ups_are_added_to_an_existing_model() {
     let data = data_dir();
     let set = data.join("strecha_fountain_P11");
     let dir = TempDir::new().unwrap();
@@ -275,7 +279,9 @@ fn close_ups_are_added_to_a_standing_model() {
     assert!(percent <= 0.15);
 }
 
-/// Half of the pictures as they are, half cropped and turned: two cameras of different size and orientation.
+/// Checks two cameras of different size and orientation.
+///
+/// Half of the images are cropped and rotated.
 fn two_cameras_in_one_set() {
     let data = data_dir();
     let dir = TempDir::new().unwrap();
@@ -299,7 +305,7 @@ fn two_cameras_in_one_set() {
     }
     let project = Project::new(dir.path(), &[]);
     let said = project.reconstruct(&[]);
-    // DSC_0434, taken from low over the carpet, is recognised only under simulated tilts.
+    // DSC_0434, taken from low over the carpet, only matches under simulated tilts.
     assert_eq!(project.placed(), files.len(), "{said}");
     let out = dir.path().join("cameras");
     project.done(&[
@@ -316,7 +322,7 @@ fn two_cameras_in_one_set() {
     );
 }
 
-/// Pictures of the fountain, 384 pixels wide.
+/// Writes images of the fountain, 384 pixels wide.
 fn small_fountain(numbers: &[usize]) -> TempDir {
     let images = data_dir().join("strecha_fountain_P11/images");
     let dir = TempDir::new().unwrap();
@@ -330,7 +336,7 @@ fn small_fountain(numbers: &[usize]) -> TempDir {
     dir
 }
 
-fn the_model_is_the_same_for_any_number_of_threads() {
+fn model_does_not_depend_on_the_number_of_threads() {
     let pictures = small_fountain(&[2, 3, 4, 5, 6]);
     let model = |threads: &str| {
         let project = Project::new(pictures.path(), &[]);
@@ -347,7 +353,7 @@ fn the_model_is_the_same_for_any_number_of_threads() {
     assert!(model("1") == model("3"));
 }
 
-fn a_known_length_gives_the_unit() {
+fn known_length_sets_the_unit() {
     let pictures = small_fountain(&[2, 3, 4, 5]);
     let project = Project::new(pictures.path(), &[]);
     project.reconstruct(&[]);
@@ -358,7 +364,7 @@ fn a_known_length_gives_the_unit() {
         "--cameras",
         out.to_str().unwrap(),
     ]);
-    // Two points of the model, each seen by frames 1 and 2, as the ends of a ruler.
+    // Two points of the model, each seen by frames 1 and 2, serve as the ends of a ruler.
     let (ends, distance) = two_points(&out);
     let pixels = |end: &[(usize, [f64; 2])], option: &str| -> Vec<String> {
         end.iter()
@@ -386,7 +392,7 @@ fn a_known_length_gives_the_unit() {
 /// Frames and the pixels at which they see a point.
 type Sightings = Vec<(usize, [f64; 2])>;
 
-/// Pixels at which frames 1 and 2 see two points of a text model, and the distance of the points.
+/// Returns the pixels at which frames 1 and 2 see two points of a text model, and their distance.
 fn two_points(model: &Path) -> ([Sightings; 2], f64) {
     let lines = |name: &str| -> Vec<String> {
         let text = std::fs::read_to_string(model.join(name)).unwrap();
@@ -444,7 +450,7 @@ fn two_points(model: &Path) -> ([Sightings; 2], f64) {
     (ends, position(left.0).distance(position(right.0)))
 }
 
-fn depth_gives_the_scale() {
+fn depth_sets_the_scale() {
     let data = data_dir();
     let set = data.join("redkitchen_rgbd_a");
     let depth = set.join("depth").display().to_string();
@@ -487,7 +493,7 @@ fn depth_gives_the_scale() {
     assert!((scale - 1.0).abs() < 0.03, "{scale}");
 }
 
-fn undistorted_pictures_come_with_pinhole_cameras() {
+fn undistorted_images_have_pinhole_cameras() {
     let pictures = small_fountain(&[3, 4, 5]);
     let project = Project::new(pictures.path(), &[]);
     project.reconstruct(&[]);
@@ -516,13 +522,13 @@ crate::registry::tests! {
     Data(&["strecha_fountain_P11"]) =>
         fountain_with_given_intrinsics,
         fountain_with_unknown_intrinsics,
-        close_ups_are_added_to_a_standing_model,
-        the_model_is_the_same_for_any_number_of_threads,
-        a_known_length_gives_the_unit,
-        undistorted_pictures_come_with_pinhole_cameras;
+        close_ups_are_added_to_an_existing_model,
+        model_does_not_depend_on_the_number_of_threads,
+        known_length_sets_the_unit,
+        undistorted_images_have_pinhole_cameras;
     Data(&["dtu_scan24"]) => dtu_with_given_intrinsics, dtu_with_unknown_intrinsics;
-    Data(&["sceaux_castle"]) => a_castle_without_any_truth_registers_whole;
-    Data(&["romi_real_plant"]) => a_thin_plant_turned_before_a_camera;
-    Data(&["redkitchen_rgbd_a"]) => every_third_frame_of_a_kitchen_makes_the_map, depth_gives_the_scale;
+    Data(&["sceaux_castle"]) => castle_without_ground_truth_registers_completely;
+    Data(&["romi_real_plant"]) => thin_plant_on_a_turntable;
+    Data(&["redkitchen_rgbd_a"]) => every_third_frame_of_a_kitchen_forms_the_map, depth_sets_the_scale;
     Data(&["banana"]) => two_cameras_in_one_set;
 }

@@ -1,4 +1,6 @@
-//! What structure from motion says where pictures do not do: one reason, no panic, and what was there stays.
+//! Tests of structure from motion on unsuitable images.
+//!
+//! There must be one reason and no panic, and earlier results must stay.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -19,7 +21,7 @@ use crate::project::Project;
 const WIDTH: u32 = 480;
 const HEIGHT: u32 = 320;
 
-/// A folder of small pictures.
+/// A folder of small images.
 struct Pictures {
     dir: TempDir,
     data: PathBuf,
@@ -41,7 +43,7 @@ impl Pictures {
         self.dir.path().join(name)
     }
 
-    /// A picture of the real data, made small.
+    /// Returns a resized image of the real data.
     fn small(&self, from: &str) -> RgbImage {
         let picture = image::open(self.data.join(from)).unwrap();
         picture
@@ -57,7 +59,7 @@ impl Pictures {
         RgbImage::new(WIDTH, HEIGHT).save(self.path(name)).unwrap();
     }
 
-    /// Pictures of the fountain, one beside the other.
+    /// Adds neighbouring images of the fountain.
     fn fountain(&self, count: usize) {
         for k in 0..count {
             self.put(
@@ -67,7 +69,9 @@ impl Pictures {
         }
     }
 
-    /// Views of a camera with a focal length of `focal` picture widths that turns on the spot by `step` degrees a view.
+    /// Adds views of a camera that rotates on the spot by `step` degrees per view.
+    ///
+    /// The focal length is `focal` image widths.
     fn turned(&self, views: u32, focal: f64, step: f64) {
         let from = image::open(self.data.join("strecha_fountain_P11/images/0004.jpg"))
             .unwrap()
@@ -91,7 +95,7 @@ impl Pictures {
     }
 }
 
-/// The colour between four pixels; outside the picture, that of its edge.
+/// Returns the bilinearly interpolated colour; outside the image, that of its edge.
 fn between(picture: &RgbImage, x: f64, y: f64) -> image::Rgb<u8> {
     let clamped = |at: f64, side: u32| (at - 0.5).clamp(0.0, f64::from(side) - 1.001);
     let (x, y) = (clamped(x, picture.width()), clamped(y, picture.height()));
@@ -105,7 +109,9 @@ fn between(picture: &RgbImage, x: f64, y: f64) -> image::Rgb<u8> {
     image::Rgb([0, 1, 2].map(channel))
 }
 
-/// Runs what must fail: exit code 1, nothing said of a result, no panic, and one line that tells why.
+/// Runs a command that must fail and returns its error.
+///
+/// It must exit with code 1, report no result, not panic, and print one line with the reason.
 fn refused(args: &[&str]) -> String {
     let output = ostra(args);
     let (said, why) = (
@@ -120,7 +126,9 @@ fn refused(args: &[&str]) -> String {
     first.unwrap_or_else(|| panic!("{args:?} does not say why: {why}"))
 }
 
-/// Runs structure from motion where nothing can be placed, which must leave the project without cameras.
+/// Runs structure from motion where nothing can be registered, and returns the error.
+///
+/// The project must stay without cameras.
 fn no_cameras(pictures: &Path, more: &[&str]) -> String {
     let project = Project::new(pictures, more);
     let why = refused(&["reconstruct", &project.root(), "--method", "sfm"]);
@@ -132,7 +140,7 @@ fn no_cameras(pictures: &Path, more: &[&str]) -> String {
     why
 }
 
-/// What is said of a frame that has no camera.
+/// Returns the reported reason why a frame has no camera.
 fn reason<'a>(said: &'a str, frame: &str) -> &'a str {
     let begin = format!("warning: {frame} has no camera: ");
     let mut told = said.lines().filter_map(|line| line.strip_prefix(&begin));
@@ -149,7 +157,7 @@ fn left_out(said: &str) -> usize {
         .count()
 }
 
-fn pictures_of_different_things_are_refused_with_the_two_nearest() {
+fn unrelated_images_are_refused_and_the_best_pair_is_named() {
     let pictures = Pictures::new();
     let things = [
         ("strecha_fountain_P11/images", "fountain.png"),
@@ -183,7 +191,7 @@ fn first_in(folder: &Path) -> PathBuf {
     files.swap_remove(0)
 }
 
-fn copies_of_one_picture_are_told_from_a_movement() {
+fn copies_of_one_image_are_reported_as_an_unmoved_camera() {
     let pictures = Pictures::new();
     for name in ["a.png", "b.png", "c.png"] {
         pictures.put("strecha_fountain_P11/images/0004.jpg", name);
@@ -198,7 +206,7 @@ fn copies_of_one_picture_are_told_from_a_movement() {
     assert!(why.contains("move sideways between pictures"), "{why}");
 }
 
-fn a_camera_that_only_turned_is_told_so() {
+fn pure_rotation_is_reported() {
     let pictures = Pictures::new();
     pictures.turned(5, 1.08, 5.0);
     for more in [&[][..], &["--intrinsics", "518.4,518.4,240,160"]] {
@@ -210,8 +218,8 @@ fn a_camera_that_only_turned_is_told_so() {
     }
 }
 
-/// The guess is 1.2 picture widths.
-fn a_camera_that_only_turned_is_told_so_far_from_the_guessed_focal_length() {
+/// Checks pure rotation with focal lengths far from the initial guess of 1.2 image widths.
+fn pure_rotation_is_reported_for_unusual_focal_lengths() {
     for focal in [0.7, 0.9, 1.8] {
         let pictures = Pictures::new();
         pictures.turned(6, focal, 5.0);
@@ -223,7 +231,7 @@ fn a_camera_that_only_turned_is_told_so_far_from_the_guessed_focal_length() {
     }
 }
 
-fn of_two_scenes_the_larger_is_kept_and_the_other_told() {
+fn larger_of_two_scenes_is_kept_and_the_other_reported() {
     let pictures = Pictures::new();
     pictures.fountain(5);
     for k in 0..3 {
@@ -252,7 +260,7 @@ fn of_two_scenes_the_larger_is_kept_and_the_other_told() {
     assert_eq!(left_out(&said), 3, "{said}");
 }
 
-fn a_cut_off_image_is_named_from_the_start() {
+fn truncated_image_is_named_at_the_start() {
     let pictures = Pictures::new();
     pictures.fountain(2);
     pictures.put("strecha_fountain_P11/images/0002.jpg", "cut.jpg");
@@ -277,7 +285,7 @@ fn a_cut_off_image_is_named_from_the_start() {
     );
 }
 
-fn pictures_that_go_bad_or_show_nothing_are_told_and_the_others_placed() {
+fn damaged_or_blank_images_are_reported_and_the_others_registered() {
     let pictures = Pictures::new();
     pictures.fountain(4);
     pictures.black("black.png");
@@ -313,7 +321,7 @@ fn pictures_that_go_bad_or_show_nothing_are_told_and_the_others_placed() {
     assert_eq!(left_out(&said), 5, "{said}");
 }
 
-fn one_picture_is_too_few_and_two_are_enough() {
+fn one_image_is_too_few_and_two_are_enough() {
     let pictures = Pictures::new();
     pictures.fountain(1);
     let why = no_cameras(pictures.folder(), &[]);
@@ -327,7 +335,7 @@ fn one_picture_is_too_few_and_two_are_enough() {
     let project = Project::new(pictures.folder(), &[]);
     let said = project.reconstruct(&[]);
     assert_eq!((project.placed(), left_out(&said)), (2, 0), "{said}");
-    // Every 100th of two frames is one.
+    // Every 100th of two frames is one frame.
     let why = refused(&[
         "reconstruct",
         &project.root(),
@@ -340,7 +348,7 @@ fn one_picture_is_too_few_and_two_are_enough() {
     assert_eq!(project.placed(), 2);
 }
 
-fn pictures_of_a_few_pixels_and_black_ones_do_no_harm() {
+fn tiny_and_black_images_give_an_error() {
     let pictures = Pictures::new();
     for k in 0..4 {
         let small = image::imageops::thumbnail(
@@ -361,7 +369,7 @@ fn pictures_of_a_few_pixels_and_black_ones_do_no_harm() {
     no_cameras(pictures.folder(), &[]);
 }
 
-fn pictures_without_features_are_told_so() {
+fn images_without_features_are_reported() {
     let pictures = Pictures::new();
     (0..3).for_each(|k| pictures.black(&format!("{k}.png")));
     let why = no_cameras(pictures.folder(), &[]);
@@ -371,7 +379,7 @@ fn pictures_without_features_are_told_so() {
     );
 }
 
-fn unrelated_pictures_added_to_a_model_change_nothing_of_it() {
+fn unrelated_images_leave_an_existing_model_unchanged() {
     let pictures = Pictures::new();
     pictures.fountain(5);
     let project = Project::new(pictures.folder(), &[]);
@@ -409,7 +417,7 @@ fn unrelated_pictures_added_to_a_model_change_nothing_of_it() {
         "{said}"
     );
     assert_eq!(left_out(&said), 3, "{said}");
-    // What fails leaves the model as it was.
+    // A failed run leaves the model unchanged.
     refused(&[
         "reconstruct",
         &project.root(),
@@ -420,7 +428,7 @@ fn unrelated_pictures_added_to_a_model_change_nothing_of_it() {
     assert_eq!(cameras(&project), before);
 }
 
-/// Reconstructs and stops as soon as so many frames are in the map; gives how many have cameras then.
+/// Reconstructs and stops as soon as `enough` frames are in the map; returns the number of cameras.
 fn stopped_with(session: &mut Session, enough: usize) -> usize {
     let request = ReconstructRequest {
         method: ReconstructMethod::Sfm,
@@ -450,7 +458,7 @@ fn stopped_with(session: &mut Session, enough: usize) -> usize {
         .count()
 }
 
-fn a_run_that_is_stopped_keeps_what_it_placed_but_replaces_nothing_larger() {
+fn stopped_run_keeps_its_frames_but_replaces_no_larger_model() {
     let pictures = Pictures::new();
     pictures.fountain(11);
     let project = Project::new(pictures.folder(), &[]);
@@ -483,17 +491,17 @@ fn a_run_that_is_stopped_keeps_what_it_placed_but_replaces_nothing_larger() {
 
 crate::registry::tests! {
     Data(&["strecha_fountain_P11", "sceaux_castle", "redkitchen_rgbd_a"]) =>
-        pictures_of_different_things_are_refused_with_the_two_nearest,
-        unrelated_pictures_added_to_a_model_change_nothing_of_it;
+        unrelated_images_are_refused_and_the_best_pair_is_named,
+        unrelated_images_leave_an_existing_model_unchanged;
     Data(&["strecha_fountain_P11"]) =>
-        copies_of_one_picture_are_told_from_a_movement,
-        a_camera_that_only_turned_is_told_so,
-        a_camera_that_only_turned_is_told_so_far_from_the_guessed_focal_length,
-        a_cut_off_image_is_named_from_the_start,
-        pictures_that_go_bad_or_show_nothing_are_told_and_the_others_placed,
-        one_picture_is_too_few_and_two_are_enough,
-        pictures_of_a_few_pixels_and_black_ones_do_no_harm,
-        a_run_that_is_stopped_keeps_what_it_placed_but_replaces_nothing_larger;
-    Data(&["strecha_fountain_P11", "sceaux_castle"]) => of_two_scenes_the_larger_is_kept_and_the_other_told;
-    Data(&[]) => pictures_without_features_are_told_so;
+        copies_of_one_image_are_reported_as_an_unmoved_camera,
+        pure_rotation_is_reported,
+        pure_rotation_is_reported_for_unusual_focal_lengths,
+        truncated_image_is_named_at_the_start,
+        damaged_or_blank_images_are_reported_and_the_others_registered,
+        one_image_is_too_few_and_two_are_enough,
+        tiny_and_black_images_give_an_error,
+        stopped_run_keeps_its_frames_but_replaces_no_larger_model;
+    Data(&["strecha_fountain_P11", "sceaux_castle"]) => larger_of_two_scenes_is_kept_and_the_other_reported;
+    Data(&[]) => images_without_features_are_reported;
 }

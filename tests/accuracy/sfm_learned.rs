@@ -1,4 +1,4 @@
-//! Structure from motion by learned features, as a user runs it: networks are installed, checked, used and refused.
+//! Tests of structure from motion with learned features: networks are installed, checked and used.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use super::networks::{Needs, ostra, refused};
 use crate::data::data_dir;
 use crate::project::Project;
 
-/// The line of a network in the list.
+/// Returns the line of a network in the list.
 fn listed(data: &Path, name: &str) -> String {
     let (code, out, err) = ostra(data, None, &["models", "list"]);
     assert_eq!(code, Some(0), "{err}");
@@ -20,7 +20,7 @@ fn listed(data: &Path, name: &str) -> String {
         .to_owned()
 }
 
-fn learned_features_are_refused_until_their_networks_are_there() {
+fn learned_features_are_refused_until_their_networks_are_installed() {
     let set = data_dir().join("strecha_fountain_P11");
     let data = TempDir::new().unwrap();
     let project = Project::new(&set.join("images"), &[]);
@@ -136,6 +136,6 @@ fn fountain_with_learned_features() {
 }
 
 crate::registry::tests! {
-    Data(&["strecha_fountain_P11"]) => learned_features_are_refused_until_their_networks_are_there;
+    Data(&["strecha_fountain_P11"]) => learned_features_are_refused_until_their_networks_are_installed;
     Networks(&["strecha_fountain_P11"]) => fountain_with_learned_features;
 }

@@ -1,8 +1,8 @@
-//! The shared folders that real-data tests read.
+//! Checks of the shared folders that real-data tests read.
 
 use crate::data::{data_dir, models_dir};
 
-fn each_data_set_says_what_it_is() {
+fn every_data_set_has_a_readme() {
     let data = data_dir();
     for entry in std::fs::read_dir(data).unwrap() {
         let path = entry.unwrap().path();
@@ -27,6 +27,6 @@ fn no_network_is_an_empty_file() {
 }
 
 crate::registry::tests! {
-    Data(&[]) => each_data_set_says_what_it_is;
+    Data(&[]) => every_data_set_has_a_readme;
     Models => no_network_is_an_empty_file;
 }

@@ -1,4 +1,4 @@
-//! The recording of a shelf, by commands of a session.
+//! The shelf recording, as commands of a session.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! Depth by stereo as a user runs it: floors on real pictures that may only rise, stopping and going on, what cannot be.
+//! Tests of stereo depth on real images: floors that may only rise, stop and resume, and errors.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ use crate::data::data_dir;
 use crate::program::ostra;
 use crate::project::Project;
 
-/// A project of the first pictures of a set with its true cameras.
+/// Returns a project of the first images of a set, with its ground-truth cameras.
 fn project(set: &Path, frames: usize) -> Project {
     let last = (frames - 1).to_string();
     let cameras = set.join("sparse");
@@ -36,7 +36,9 @@ fn stereo(project: &Project, side: u32) -> String {
     ])
 }
 
-/// The fused cloud against the set's reference points, at three distances. The pictures tell what each camera sees.
+/// Scores the fused cloud against the set's reference points at three distances.
+///
+/// The images show what each camera sees, which decides the pairs that are compared in depth.
 fn score(project: &Project, set: &Path, within: &str) -> Value {
     let dir = TempDir::new().unwrap();
     let cloud = dir.path().join("cloud.ply");
@@ -91,10 +93,10 @@ fn completeness(score: &Value) -> Vec<f64> {
         .collect()
 }
 
-/// Pairs below which a share in depth tells little.
+/// Minimum number of pairs for a meaningful share in depth.
 const LEAST_PAIRS: u64 = 2000;
 
-/// Completeness at each distance, and the share in depth at the last, over enough pairs.
+/// Returns the completeness at each distance and the share in depth at the last one.
 fn shares(score: &Value) -> (Vec<f64>, f64) {
     let surface = score["surface"].as_array().unwrap();
     let pairs = score["compared_in_depth"].as_u64().unwrap();
@@ -109,7 +111,7 @@ fn shares(score: &Value) -> (Vec<f64>, f64) {
     )
 }
 
-fn dtu_with_true_cameras() {
+fn dtu_with_ground_truth_cameras() {
     let data = data_dir();
     let set = data.join("dtu_scan24");
     let project = project(&set, 12);
@@ -122,7 +124,7 @@ fn dtu_with_true_cameras() {
     assert!(score["result_points"].as_f64().unwrap() <= 1.5 * 288_970.0);
 }
 
-fn fountain_with_true_cameras() {
+fn fountain_with_ground_truth_cameras() {
     let data = data_dir();
     let set = data.join("strecha_fountain_P11");
     let project = project(&set, 11);
@@ -146,7 +148,9 @@ fn request() -> Command {
     })
 }
 
-/// Runs stereo and stops it in a stage after so many views, looking without a pause; gives what was said.
+/// Runs stereo and stops it in a stage after `views` views; returns the events.
+///
+/// The progress is polled without a pause.
 fn stopped(session: &mut Session, stage: &str, views: usize) -> Vec<Event> {
     session.act(request()).unwrap();
     let mut events = Vec::new();
@@ -165,8 +169,10 @@ fn stopped(session: &mut Session, stage: &str, views: usize) -> Vec<Event> {
     events
 }
 
-/// A run stopped in one stage after the other, each time going on where it was, the first time without a file that was
-/// damaged; `None` where one came to its end before it could be stopped.
+/// Stops a run in each stage in turn; each time it resumes where it stopped.
+///
+/// The first resume must replace a damaged file. Returns `None` if a stage ended before it could be
+/// stopped.
 fn stopped_in_turn(parts: &Project) -> Option<Session> {
     const DAMAGED_BYTES: u64 = 100;
     let mut session = opened(parts);
@@ -241,14 +247,14 @@ fn depth_maps(root: &str) -> Vec<(String, Vec<u8>)> {
     maps
 }
 
-/// The depth maps of all rounds and of the filter that lie there, and when they were made.
+/// Returns the depth maps of all rounds and of the filter, and their modification times.
 fn rounds(root: &str) -> Vec<(PathBuf, SystemTime)> {
     let folder = Path::new(root).join("versions/depths-1/rounds");
     let stages = (0..9)
         .map(|round| round.to_string())
         .chain(["filtered".to_owned()]);
     let rounds = stages.filter_map(|stage| std::fs::read_dir(folder.join(stage)).ok());
-    // What is being written has another ending, and may be gone at the next look.
+    // Files being written have another extension and may disappear at any time.
     let files = rounds
         .flatten()
         .map(|file| file.unwrap().path())
@@ -258,7 +264,7 @@ fn rounds(root: &str) -> Vec<(PathBuf, SystemTime)> {
         .collect()
 }
 
-fn a_stopped_run_goes_on_where_it_was_and_comes_to_the_same() {
+fn stopped_run_resumes_and_gives_the_same_result() {
     let data = data_dir();
     let set = data.join("strecha_fountain_P11");
     let whole = project(&set, 5);
@@ -267,7 +273,7 @@ fn a_stopped_run_goes_on_where_it_was_and_comes_to_the_same() {
     session.settle(|_| ControlFlow::Continue(()));
     session.save().unwrap();
     drop(session);
-    // Completion is short: on a busy machine it may be over before anyone looks.
+    // Completion is short: on a busy machine it may end before the stop.
     let in_turn = |_| {
         let parts = project(&set, 5);
         stopped_in_turn(&parts).map(|session| (parts, session))
@@ -291,7 +297,7 @@ fn a_stopped_run_goes_on_where_it_was_and_comes_to_the_same() {
     assert!(once == twice, "the same depth maps, byte for byte");
 }
 
-fn a_killed_run_goes_on_and_comes_to_the_same() {
+fn killed_run_resumes_and_gives_the_same_result() {
     let data = data_dir();
     let set = data.join("strecha_fountain_P11");
     let (whole, killed) = (project(&set, 4), project(&set, 4));
@@ -324,8 +330,8 @@ fn a_killed_run_goes_on_and_comes_to_the_same() {
     assert!(once == twice, "the same depth maps, byte for byte");
 }
 
-/// Whoever looks on sees points as soon as a view is done, and none once the job is.
-fn a_cloud_grows_while_depth_is_made() {
+/// Checks that the live preview shows points as soon as a view is done, and ends with the job.
+fn live_preview_grows_during_stereo() {
     let data = data_dir();
     let project = project(&data.join("dtu_scan24"), 4);
     let mut session = opened(&project);
@@ -351,7 +357,7 @@ fn a_cloud_grows_while_depth_is_made() {
     );
 }
 
-fn what_cannot_have_depth_is_told_and_the_rest_is_done() {
+fn frames_without_depth_are_reported_and_the_rest_is_done() {
     let data = data_dir();
     let set = data.join("strecha_fountain_P11");
     let pictures = TempDir::new().unwrap();
@@ -409,7 +415,7 @@ fn two_views_are_enough_and_one_is_not() {
     );
 }
 
-fn depths_are_scaled_with_the_scene_and_made_anew_where_cameras_change() {
+fn depth_is_scaled_with_the_scene_and_recomputed_for_changed_cameras() {
     let data = data_dir();
     let set = data.join("strecha_fountain_P11");
     let project = project(&set, 3);
@@ -448,11 +454,11 @@ fn depths_are_scaled_with_the_scene_and_made_anew_where_cameras_change() {
     assert!((factor - 1.0).abs() > 0.1, "{factor}");
     let said = project.done(&["fuse", &project.root()]);
     assert!(!said.contains("warning"), "{said}");
-    // Made anew with the scaled cameras: the same depths in the new unit.
+    // Computed again with the scaled cameras, the depth is the same in the new unit.
     stereo(&project, 200);
     let again = median("again") / before;
     assert!((again / factor - 1.0).abs() < 0.01, "{again} {factor}");
-    // Other cameras: what was fused of the standing depths is stale, and that is said.
+    // With other cameras, the fusion of the existing depth is stale, and a warning says so.
     project.done(&["reconstruct", &project.root(), "--method", "sfm"]);
     let said = project.done(&["fuse", &project.root()]);
     assert!(
@@ -463,12 +469,12 @@ fn depths_are_scaled_with_the_scene_and_made_anew_where_cameras_change() {
 }
 
 crate::registry::tests! {
-    Data(&["dtu_scan24"]) => dtu_with_true_cameras, a_cloud_grows_while_depth_is_made;
+    Data(&["dtu_scan24"]) => dtu_with_ground_truth_cameras, live_preview_grows_during_stereo;
     Data(&["strecha_fountain_P11"]) =>
-        fountain_with_true_cameras,
-        a_stopped_run_goes_on_where_it_was_and_comes_to_the_same,
-        a_killed_run_goes_on_and_comes_to_the_same,
-        what_cannot_have_depth_is_told_and_the_rest_is_done,
+        fountain_with_ground_truth_cameras,
+        stopped_run_resumes_and_gives_the_same_result,
+        killed_run_resumes_and_gives_the_same_result,
+        frames_without_depth_are_reported_and_the_rest_is_done,
         two_views_are_enough_and_one_is_not,
-        depths_are_scaled_with_the_scene_and_made_anew_where_cameras_change;
+        depth_is_scaled_with_the_scene_and_recomputed_for_changed_cameras;
 }

@@ -1,4 +1,6 @@
-//! Stereo on the made scene with its true cameras, held against the exact surfaces; and its mesh.
+//! Tests of stereo on the synthetic scene with its ground-truth cameras.
+//!
+//! Depth and mesh are compared with the exact surfaces.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -23,7 +25,7 @@ fn depth_of(file: &Path) -> Vec<f32> {
     depths
 }
 
-/// The share of the labelled pixels of all views whose depth is known to 1 %.
+/// Returns the share of labelled pixels of all views whose depth is known to 1 %.
 fn share_in_depth(scene: &Scene, depths: &Path) -> f64 {
     let (mut good, mut all) = (0, 0);
     for view in scene.views() {
@@ -39,7 +41,7 @@ fn share_in_depth(scene: &Scene, depths: &Path) -> f64 {
     f64::from(good as u32) / f64::from(all as u32)
 }
 
-/// The share of `points` that have one of `surface` within 2 mm.
+/// Returns the share of `points` that have a point of `surface` within 2 mm.
 fn share_near(points: impl Iterator<Item = glam::Vec3>, surface: &LabelledCloud) -> f64 {
     let surface = Neighbours::new(&surface.positions).unwrap();
     let away: Vec<f32> = points.map(|point| surface.nearest(point).1).collect();
@@ -58,7 +60,7 @@ fn with_label(
         .map(|(&position, _)| position)
 }
 
-fn the_made_scene_with_true_cameras_and_masks() {
+fn synthetic_scene_with_ground_truth_cameras_and_masks() {
     let dir = TempDir::new().unwrap();
     let path = |name: &str| dir.path().join(name).display().to_string();
     let Tiller { scene, recording } = tiller();
@@ -140,5 +142,5 @@ fn the_made_scene_with_true_cameras_and_masks() {
 }
 
 crate::registry::tests! {
-    Nothing => the_made_scene_with_true_cameras_and_masks;
+    Nothing => synthetic_scene_with_ground_truth_cameras_and_masks;
 }

@@ -1,4 +1,4 @@
-//! Traits of the synthetic plant, measured on its surface at fine spacing, against the true ones.
+//! Tests of the traits of the synthetic plant, measured on its finely sampled surface.
 
 use std::sync::OnceLock;
 
@@ -7,7 +7,7 @@ use ostra_cloud::measure::{MeasureOptions, TraitRow, measure, measure_angles};
 use ostra_core::job::Progress;
 use ostra_eval::synthetic::{Scene, SceneOptions, TruthOptions};
 
-/// A small image of few views of a seed's tiller.
+/// Returns options for a few small views of the tiller of a seed.
 fn small(seed: u64) -> SceneOptions {
     SceneOptions {
         views: 4,
@@ -22,7 +22,7 @@ fn built(options: &SceneOptions) -> Scene {
     Scene::build(options).unwrap()
 }
 
-/// The default plant before twelve cameras, and what two of them or more see of it.
+/// A plant in front of twelve cameras, and the points that at least two of them see.
 struct SeenPlant {
     scene: Scene,
     cloud: LabelledCloud,
@@ -56,8 +56,9 @@ fn find<'a>(rows: &'a [TraitRow], like: &TraitRow) -> Option<&'a TraitRow> {
     })
 }
 
-/// Largest share by which a measured trait may be off; the area of a sheath alone by more, as its overlapping borders
-/// lie on one another.
+/// Returns the maximum relative error of a measured trait.
+///
+/// It is larger for the area of a sheath, whose overlapping borders lie on one another.
 fn tolerance(truth: &TraitRow) -> f64 {
     match &*truth.name {
         "length" => 0.02,
@@ -67,7 +68,7 @@ fn tolerance(truth: &TraitRow) -> f64 {
     }
 }
 
-/// Largest error of an angle, degrees, also where cameras see only a side of the collar.
+/// Maximum error of an angle in degrees, also where cameras see only one side of the collar.
 const ANGLE_DEG: f64 = 1.5;
 
 fn compare(plant: &SeenPlant, wanted: impl Fn(&TraitRow) -> bool) -> usize {
@@ -95,14 +96,14 @@ fn compare(plant: &SeenPlant, wanted: impl Fn(&TraitRow) -> bool) -> usize {
     wanted.len()
 }
 
-/// Only the points of a label and those below it.
+/// Returns only the points of a label and its sublabels.
 fn of_label(cloud: &LabelledCloud, name: &str) -> LabelledCloud {
     let id = cloud.tree.by_name(name).unwrap().id;
     let below = |k: &u32| cloud.tree.path(cloud.labels[*k as usize]).contains(&id);
     cloud.select(&(0..cloud.len() as u32).filter(below).collect::<Vec<_>>())
 }
 
-/// How many instances of a label are counted on the whole surface.
+/// Returns the number of instances of a label measured on the whole surface.
 fn count(scene: &Scene, label: &str, spacing_m: f64) -> f64 {
     let options = TruthOptions {
         spacing_m,
@@ -117,8 +118,8 @@ fn count(scene: &Scene, label: &str, spacing_m: f64) -> f64 {
         .value
 }
 
-fn traits_measured_on_what_the_cameras_see_are_the_true_ones() {
-    // A third of each sheath faces away from every camera, so that its area cannot be measured.
+fn traits_of_visible_points_equal_ground_truth() {
+    // A third of each sheath faces away from every camera, so its area cannot be measured.
     let hidden = |row: &TraitRow| {
         row.name == "instances" || row.name == "area" && !row.label.ends_with("blade")
     };
@@ -133,7 +134,7 @@ fn insertion_angles_hold_for_other_plants() {
     }
 }
 
-/// Largest error of the angle between labels of one's choice, degrees.
+/// Maximum error in degrees of the angle between chosen labels.
 const CHOSEN_DEG: f64 = 3.0;
 
 fn angles_between_a_leaf_and_the_stems_are_its_insertion_angle() {
@@ -147,7 +148,8 @@ fn angles_between_a_leaf_and_the_stems_are_its_insertion_angle() {
     assert_eq!(truths.len(), 8);
     for truth in truths {
         let leaf = truth.label.trim_end_matches(" blade");
-        // The blade alone, the leaf with its sheath; against all stems, whose nearest is the leaf's own.
+        // The blade only, then the leaf with its sheath, against all stems; the leaf's own stem is
+        // nearest.
         for name in [&truth.label, leaf] {
             let pair = [id(name), id("stem")];
             let rows = measure_angles(
@@ -176,7 +178,7 @@ fn grains_leaves_and_stems_are_counted() {
             .find(|row| row.name == "instances")
             .unwrap()
             .value;
-        // Grains lie 1 mm apart; three spacings hang together.
+        // Grains lie 1 mm apart; points within three spacings are connected.
         assert_eq!(count(&scene, "panicle grains", 0.000_2), grains);
         assert_eq!(
             (count(&scene, "leaf", 0.001), count(&scene, "stem", 0.001)),
@@ -187,7 +189,7 @@ fn grains_leaves_and_stems_are_counted() {
 
 crate::registry::tests! {
     Nothing =>
-        traits_measured_on_what_the_cameras_see_are_the_true_ones,
+        traits_of_visible_points_equal_ground_truth,
         insertion_angles_hold_for_other_plants,
         angles_between_a_leaf_and_the_stems_are_its_insertion_angle,
         grains_leaves_and_stems_are_counted;

@@ -6,14 +6,14 @@ use std::sync::OnceLock;
 use ostra_core::job::Progress;
 use ostra_eval::synthetic::{Scene, SceneOptions};
 
-/// The default scene and the folder of its recording, which tests only read.
+/// The default scene and the folder of its recording, which tests must not change.
 pub struct Tiller {
     pub scene: Scene,
     pub recording: PathBuf,
 }
 
 impl Tiller {
-    /// Copies the true masks with their labels into `folder`; gives the folder of the copies.
+    /// Copies the ground-truth masks and their labels into `folder`; returns the copies' folder.
     pub fn true_masks(&self, folder: &Path) -> PathBuf {
         let (truth, masks) = (self.recording.join("truth"), folder.join("masks"));
         std::fs::create_dir(&masks).unwrap();
@@ -26,7 +26,9 @@ impl Tiller {
     }
 }
 
-/// The default scene. Cargo's folder for the files of tests keeps one recording, which the next run replaces.
+/// Returns the default scene.
+///
+/// Cargo's temporary test folder keeps one recording, which the next run replaces.
 pub fn tiller() -> &'static Tiller {
     static TILLER: OnceLock<Tiller> = OnceLock::new();
     TILLER.get_or_init(|| {

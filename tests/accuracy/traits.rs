@@ -1,4 +1,4 @@
-//! Traits and instances of the made plant from its recording, fused with the true masks, against the truth.
+//! Tests of traits and instances of the synthetic plant, fused with the ground-truth masks.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -17,7 +17,7 @@ use ostra_session::{Command, MeasureSettings, NewProject, Session};
 use crate::session::perform;
 use crate::tiller::{Tiller, tiller};
 
-/// A session on a synthetic recording with its true masks, fused without background, in `folder`.
+/// Returns a session on a synthetic recording with ground-truth masks, fused without background.
 fn fused(tiller: &Tiller, folder: &Path) -> Session {
     let masks = tiller.true_masks(folder);
     let recording = &tiller.recording;
@@ -55,8 +55,10 @@ fn fused(tiller: &Tiller, folder: &Path) -> Session {
     session
 }
 
-/// Largest share (of angles: degrees) by which a trait of the fused cloud may be off; `None` where cameras cannot see it: a
-/// third of each sheath faces away from all of them, and grains a pixel apart are one.
+/// Returns the maximum relative error of a trait of the fused cloud (degrees for angles).
+///
+/// `None` where cameras cannot see it: a third of each sheath faces away from all of them, and
+/// grains a pixel apart look like one.
 fn allowed(truth: &TraitRow) -> Option<f64> {
     match &*truth.name {
         "length" if truth.label.starts_with("stem") => Some(0.02),
@@ -69,7 +71,9 @@ fn allowed(truth: &TraitRow) -> Option<f64> {
     }
 }
 
-/// What the program writes of the angles between each leaf and the stems, in one run, and again by a recipe.
+/// Returns the exported angles between each leaf and the stems.
+///
+/// They are exported in one run, and again by a recipe.
 fn exported_angles(folder: &Path, leaves: &[String]) -> Vec<(String, f64)> {
     let project = folder.join("project").display().to_string();
     let csv = folder.join("angles.csv");
@@ -99,7 +103,7 @@ fn exported_angles(folder: &Path, leaves: &[String]) -> Vec<(String, f64)> {
             .collect::<Vec<(String, f64)>>()
     };
     let rows = read();
-    // The same from within a session, whose recipe keeps it.
+    // The same export from a session, whose recipe keeps it.
     std::fs::remove_file(&csv).unwrap();
     let mut session = Session::new();
     perform(&mut session, Command::Open(project.into())).unwrap();
@@ -125,7 +129,7 @@ fn class_points(cloud: &LabelledCloud, name: &str) -> Vec<Vec3> {
         .collect()
 }
 
-fn traits_of_the_fused_cloud_are_the_true_ones_and_its_leaves_are_counted() {
+fn traits_and_leaf_count_of_the_fused_cloud_equal_ground_truth() {
     let folder = tempfile::tempdir().unwrap();
     let tiller = tiller();
     let scene = &tiller.scene;
@@ -166,14 +170,14 @@ fn traits_of_the_fused_cloud_are_the_true_ones_and_its_leaves_are_counted() {
         );
         compared += 1;
     }
-    // Three stems, eight leaves of blade and sheath, a panicle.
+    // Three stems, eight leaves of blade and sheath, and a panicle.
     assert_eq!(compared, 3 * 2 + 8 * (1 + 5 + 1) + 1);
     let leaves = class_points(session.cloud().unwrap(), "leaf");
     let instances =
         find_instances(&leaves, &InstanceOptions::default(), &Progress::default()).unwrap();
     assert_eq!(instances.sizes.len(), 8, "{:?}", instances.sizes);
     let blades: Vec<String> = (1..=8).map(|k| format!("leaf {k} blade")).collect();
-    // What the window asks for is the same.
+    // The window requests the same angles.
     let pair = ["leaf 3 blade", "stem"]
         .map(|name| session.project().unwrap().labels.by_name(name).unwrap().id);
     assert!(session.angles([pair]).is_empty());
@@ -205,5 +209,5 @@ fn traits_of_the_fused_cloud_are_the_true_ones_and_its_leaves_are_counted() {
 }
 
 crate::registry::tests! {
-    Nothing => traits_of_the_fused_cloud_are_the_true_ones_and_its_leaves_are_counted;
+    Nothing => traits_and_leaf_count_of_the_fused_cloud_equal_ground_truth;
 }

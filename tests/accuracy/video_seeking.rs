@@ -1,4 +1,4 @@
-//! The frame shown is the frame asked for, for every codec and container.
+//! Tests that seeking returns the requested frame, for every codec and container.
 
 use std::path::Path;
 use std::process::Command;
@@ -11,7 +11,9 @@ use crate::film::{Making, make_film};
 const SIZE: (u32, u32) = (64, 48);
 const COUNT: u64 = 150;
 
-/// A bright square that moves over a textured ground, so that every frame differs and depends on the one before.
+/// Returns the image of a bright square that moves over textured ground.
+///
+/// Every frame differs and depends on the one before.
 fn image(k: u64) -> Vec<u8> {
     let (left, top) = ((k * 3 % 52) as u32, (k % 36) as u32);
     let pixel = |at: u32| {
@@ -34,7 +36,7 @@ fn open_video(path: &Path) -> Opened {
     open(&request, &Progress::default()).unwrap()
 }
 
-/// Every frame by an independent linear decode, as RGB.
+/// Returns every frame of an independent linear decode, as RGB.
 fn linear(path: &Path, frame_bytes: usize) -> Vec<Vec<u8>> {
     let mut command = Command::new("ffmpeg");
     command
@@ -60,7 +62,9 @@ fn linear(path: &Path, frame_bytes: usize) -> Vec<Vec<u8>> {
         .collect()
 }
 
-/// Opens a video and compares frames by seeking, each with a store of its own, backwards with one store, and in order.
+/// Opens a video and compares its frames by seeking with those of a linear decode.
+///
+/// Frames are read each with a new store, backwards with one store, and in order.
 fn compare(path: &Path, seeks: &[usize]) -> Opened {
     let opened = open_video(path);
     let size = (opened.frames[0].width * opened.frames[0].height * 3) as usize;
@@ -97,7 +101,7 @@ fn compare(path: &Path, seeks: &[usize]) -> Opened {
     opened
 }
 
-/// Whether ffmpeg can make such a video; prints why not.
+/// Returns whether ffmpeg can make such a video; prints why not.
 fn has_encoder(options: &str) -> bool {
     let words: Vec<&str> = options.split_whitespace().collect();
     let at = words.iter().position(|word| *word == "-c:v");
@@ -173,7 +177,7 @@ const KINDS: [(&str, &str); 16] = [
     ("mpeg4.mkv", "-c:v mpeg4 -q:v 3 -bf 2 -g 40"),
 ];
 
-fn frames_by_seeking_and_in_order_are_those_of_a_linear_decode() {
+fn frames_by_seeking_and_in_order_equal_a_linear_decode() {
     let folder = tempfile::tempdir().unwrap();
     for (name, options) in KINDS
         .into_iter()
@@ -197,7 +201,7 @@ fn frames_by_seeking_and_in_order_are_those_of_a_linear_decode() {
 fn frames_of_equal_times_are_distinguished() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("3000_a_second.mkv");
-    // Matroska counts milliseconds: two or three frames have the same time.
+    // Matroska counts milliseconds, so two or three frames have the same time.
     let options = "-vf settb=1/3000,setpts=N -r 3000 -c:v libx264 -g 70 -pix_fmt yuv420p";
     make_film(
         &path,
@@ -213,7 +217,7 @@ fn frames_of_equal_times_are_distinguished() {
     assert_eq!(opened.frames.len() as u64, COUNT);
 }
 
-fn a_damaged_stream_is_reported_and_gives_the_frames_of_a_linear_decode() {
+fn damaged_stream_is_reported_and_equals_a_linear_decode() {
     let folder = tempfile::tempdir().unwrap();
     for (name, options) in [
         ("damaged.mkv", "-c:v libx264 -g 70 -bf 2 -pix_fmt yuv420p"),
@@ -249,7 +253,7 @@ fn a_damaged_stream_is_reported_and_gives_the_frames_of_a_linear_decode() {
 }
 
 #[cfg(unix)]
-fn a_turned_video_and_odd_names_are_read() {
+fn rotated_video_and_unusual_names_are_read() {
     let folder = tempfile::tempdir().unwrap();
     let options = "-metadata:s:v:0 rotate=90 -c:v libx264 -g 70 -pix_fmt yuv420p";
     for name in ["-y.mp4", "a%03d.mp4", "http:x*.mp4", "turned?.mp4"] {
@@ -374,10 +378,10 @@ fn relative_paths_and_addresses_are_refused() {
 
 crate::registry::tests! {
     Ffmpeg =>
-        frames_by_seeking_and_in_order_are_those_of_a_linear_decode,
+        frames_by_seeking_and_in_order_equal_a_linear_decode,
         frames_of_equal_times_are_distinguished,
-        a_damaged_stream_is_reported_and_gives_the_frames_of_a_linear_decode,
-        a_turned_video_and_odd_names_are_read,
+        damaged_stream_is_reported_and_equals_a_linear_decode,
+        rotated_video_and_unusual_names_are_read,
         files_that_refer_to_other_files_are_not_followed,
         relative_paths_and_addresses_are_refused;
 }

@@ -1,4 +1,6 @@
-//! The whole way through a session on real RGB-D frames: open, prompt, track, fuse, export, undo, open again.
+//! Tests of the complete workflow of a session on real RGB-D frames.
+//!
+//! The steps are: open, prompt, track, fuse, export, undo, open again.
 
 use ostra_project::{ResultEngine, SegmenterId};
 use std::ops::ControlFlow;
@@ -16,7 +18,7 @@ use crate::data::data_dir;
 use crate::session::perform;
 use crate::shelf::{new_project, track};
 
-/// A click on the deepest point of each true object on frame 0, and one on frame 8.
+/// Returns clicks on the deepest points of the true objects: two on frame 0 and two on frame 8.
 fn clicks(data: &Path) -> Vec<PromptRequest> {
     let mut clicks = Vec::new();
     for (frame, labels) in [(0, [1, 3]), (8, [2, 4])] {
@@ -80,7 +82,7 @@ fn way_through(data: &Path, root: &Path) -> Session {
     session
 }
 
-fn the_way_through_can_be_undone_repeated_and_opened_again() {
+fn complete_workflow_can_be_undone_repeated_and_reopened() {
     let data = data_dir();
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("shelf");
@@ -162,7 +164,7 @@ fn exports(session: &mut Session, folder: &Path) {
     surface(session, &out);
 }
 
-/// The mesh and the voxels that were made with the cloud.
+/// Checks the mesh and the voxels that were made with the cloud.
 fn surface(session: &mut Session, out: &Path) {
     let path = |name: &str| Some(out.join(name));
     let request = ExportRequest {
@@ -203,7 +205,7 @@ fn surface(session: &mut Session, out: &Path) {
     other_formats(session, out, mesh.triangles.len(), voxels.len());
 }
 
-/// The same mesh, with fewer triangles, and the same voxels in the forms of other programs.
+/// Checks the same mesh with fewer triangles, and the same voxels, in formats of other programs.
 fn other_formats(session: &mut Session, out: &Path, triangles: usize, voxels: usize) {
     let path = |name: &str| Some(out.join(name));
     let export = |mesh: &str, voxels: &str| ExportRequest {
@@ -251,7 +253,7 @@ fn other_formats(session: &mut Session, out: &Path, triangles: usize, voxels: us
     }
 }
 
-/// The commands of a session, run by another, make an equal project.
+/// Checks that the commands of a session make an equal project in another session.
 fn repeated(session: &Session, data: &Path, folder: &Path) {
     let text = serde_json::to_string(session.recipe()).unwrap();
     let recipe: ostra_session::Recipe = serde_json::from_str(&text).unwrap();
@@ -321,7 +323,7 @@ fn undone_and_redone(session: &mut Session, end: &ostra_project::Project) {
     assert!(std::fs::read(&cloud_file).unwrap() == first);
 }
 
-fn a_stopped_tracking_keeps_what_it_has() {
+fn stopped_tracking_keeps_its_frames() {
     let data = data_dir();
     let folder = tempfile::tempdir().unwrap();
     let mut session = Session::new();
@@ -376,6 +378,6 @@ fn a_stopped_tracking_keeps_what_it_has() {
 
 crate::registry::tests! {
     Data(&["apc_shelf_rgbd_labels"]) =>
-        the_way_through_can_be_undone_repeated_and_opened_again,
-        a_stopped_tracking_keeps_what_it_has;
+        complete_workflow_can_be_undone_repeated_and_reopened,
+        stopped_tracking_keeps_its_frames;
 }

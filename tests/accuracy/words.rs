@@ -1,4 +1,4 @@
-//! Things found by words, with the real weights of a small network.
+//! Tests of finding objects by text, with the real weights of a small network.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use tempfile::TempDir;
 use super::networks::{Needs, ostra, refused};
 use crate::project::Project;
 
-/// A project of the bananas' photos, and a data folder of its own.
+/// A project of banana images, with a separate data folder.
 struct Bananas {
     needs: Needs,
     data: TempDir,

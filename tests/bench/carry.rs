@@ -1,5 +1,6 @@
-//! Frames per second of the geometry tracker on `redkitchen_rgbd_a` (or another data set with `color`, `depth`,
-//! `sparse`), decoding included, with its peak memory.
+//! Speed and peak memory of the geometry tracker on `redkitchen_rgbd_a`, decoding included.
+//!
+//! Another data set with `color`, `depth` and `sparse` can be named.
 //!
 //! `cargo bench --bench carry [-- SET]`
 
@@ -36,7 +37,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     )?
     .frames;
     GivenCameras::read(&set.join("sparse"))?.match_to(&mut frames)?;
-    // Two anchors of three upright stripes each: enough labels and borders for a fair cost.
+    // Two keyframes of three upright stripes each: enough labels and borders for a realistic cost.
     let striped = |width: u32, height: u32| {
         let id = |at: u32| LabelId((4 * (at % width) / width) as u16);
         LabelMask {

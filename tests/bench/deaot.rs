@@ -1,8 +1,11 @@
-//! Time and memory of DeAOT: frames a second at three sizes, and the peak of memory over a long walk.
+//! Frames per second of DeAOT at three sizes, and its peak memory over a long video.
 //!
-//! `cargo bench --bench deaot [FOLDER] [FRAMES] [LONG]`; FOLDER holds its four files, FRAMES are followed at each size
-//! (12), LONG in the long walk (500, at 160×96). Time does not depend on the weights: `python3 assets/export/deaot.py
-//! --random 1 FOLDER` makes some. It grows with what is remembered, up to the bound of the options.
+//! `cargo bench --bench deaot [FOLDER] [FRAMES] [LONG]`; FOLDER contains its four files, FRAMES are
+//! tracked at each size (12), LONG in the long video (500, at 160×96).
+//!
+//! The time does not depend on the weights: `python3 assets/export/deaot.py --random 1 FOLDER`
+//! writes random ones. It grows with the number of remembered frames, up to the bound of the
+//! options.
 
 #![expect(
     clippy::print_stdout,
@@ -15,7 +18,7 @@ mod following;
 use following::Asked;
 use ostra_tracking::deaot::Deaot;
 
-/// Columns, rows, and what was published.
+/// Width, height, and published frames per second.
 const SIZES: [(u32, u32, &str); 3] = [
     (640, 480, "5.5–6.8"),
     (960, 540, "5.2"),

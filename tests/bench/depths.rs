@@ -1,7 +1,10 @@
-//! Stereo of real pictures with their true cameras on the processor, as a user runs it: seconds a view, peak memory, and
-//! how complete the fused cloud is over the set's reference points that three views or more see.
+//! CPU stereo of real images with their ground-truth cameras, as a user runs it.
 //!
-//! `cargo bench --bench depths [-- dtu fountain temple full]`, by default all; `full` is the fountain at full size.
+//! Prints seconds per view, peak memory, and the completeness of the fused cloud over the set's
+//! reference points that at least three views see.
+//!
+//! `cargo bench --bench depths [-- dtu fountain temple full]`, by default all; `full` is the
+//! fountain at full size.
 
 #![expect(
     clippy::unwrap_used,
@@ -24,15 +27,15 @@ use tempfile::TempDir;
 )]
 mod data;
 
-/// Pictures, and how they are measured.
+/// Images of a data set, and how they are measured.
 struct Set {
     name: &'static str,
     folder: &'static str,
-    /// The first so many pictures.
+    /// Number of images, from the first on.
     views: u32,
-    /// Pixels of the longer side.
+    /// Longer side in pixels.
     side: u32,
-    /// Distances in units of the reference; in depth the last counts.
+    /// Distances in units of the reference; the share in depth uses the last.
     within: &'static str,
 }
 
@@ -111,7 +114,7 @@ fn main() {
     }
 }
 
-/// Prints how complete and how exact the fused cloud is.
+/// Prints the completeness and accuracy of the fused cloud.
 fn score(root: &str, dir: &Path, reference: &Path, within: &str) {
     let (cloud, cameras) = (dir.join("cloud.ply"), dir.join("cameras"));
     let (cloud, cameras, reference) = (
@@ -152,7 +155,7 @@ fn score(root: &str, dir: &Path, reference: &Path, within: &str) {
     }
 }
 
-/// Runs the program; what it says on standard output.
+/// Runs the program and returns its standard output.
 fn done(args: &[&str]) -> String {
     let output = Command::new(env!("CARGO_BIN_EXE_ostra"))
         .args(args)
@@ -166,7 +169,7 @@ fn done(args: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// Runs the program; the most memory that it used, where the system tells (0 elsewhere).
+/// Runs the program and returns its peak memory in MiB, or 0 if the system does not report it.
 fn peak_mib(args: &[&str]) -> u64 {
     let mut program = Command::new(env!("CARGO_BIN_EXE_ostra"));
     let mut child = program

@@ -1,7 +1,11 @@
-//! Drawing of 1, 5 and 20 million points at 1440 × 900 on whatever adapter is there: time to the first picture, pictures
-//! a second while the camera moves, and time until all is drawn once it rests; the last two again from near by, where most
-//! of the points are out of view. Numbers (in millions) may be given instead. Memory (Linux only) is the process's peak so
-//! far, with the made cloud and, on a software adapter, what is on the "GPU".
+//! Drawing of 1, 5 and 20 million points at 1440 × 900 on the available adapter.
+//!
+//! Prints the time to the first image, images per second while the camera moves, and the time until
+//! everything is drawn once it rests. The last two are measured again from near by, where most of
+//! the points are out of view. Other numbers of points (in millions) can be given.
+//!
+//! Memory (Linux only) is the process's peak so far. It includes the synthetic cloud and, on a
+//! software adapter, the data on the "GPU".
 
 #![expect(
     clippy::unwrap_used,
@@ -17,7 +21,7 @@ use glam::Vec3;
 use ostra_cloud::LabelledCloud;
 use ostra_view::{Bounds, Model, Orbit, Scene3d, SceneStyle, SceneView};
 
-/// Pictures drawn while the camera moves.
+/// Number of images drawn while the camera moves.
 const MOVES: usize = 60;
 const SIZE: (u32, u32) = (1440, 900);
 
@@ -68,7 +72,7 @@ fn bench(device: &wgpu::Device, queue: &wgpu::Queue, points: usize) {
     let first = begun.elapsed();
     let (mut slowest, mut calls) = (Duration::ZERO, 1);
     while let (false, took) = draw(&mut view, &orbit) {
-        // Calls that wait for the points to be arranged take no time.
+        // Calls that only wait for the points to be arranged take no time.
         calls += usize::from(took > Duration::from_millis(1));
         slowest = slowest.max(took);
         std::thread::yield_now();
@@ -104,7 +108,7 @@ fn bench(device: &wgpu::Device, queue: &wgpu::Queue, points: usize) {
     }
 }
 
-/// The most memory that the process had, in bytes, where the system tells.
+/// Returns the peak memory of the process in bytes, if the system reports it.
 fn peak_memory() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;

@@ -1,9 +1,11 @@
-//! J, F and frames per second of the flow tracker on `davis2016`, from the true mask of the first frame, or of every
-//! N-th, decoding included, with the peak memory of all clips. Beside them the tracker's own confidence, how far it lies from
-//! the frames' IoU, and how well it orders the frames (Spearman's rank correlation with the IoU).
+//! J, F and frames per second of the flow tracker on `davis2016`, decoding included.
 //!
-//! `cargo bench --bench flow [-- CLIP… [--every N] [--memory]]`; with `--memory` the tracker remembers by XFeat, added
-//! before by `ostra models add xfeat FILE`.
+//! Tracking starts from the ground-truth mask of the first frame, or of every N-th. The bench also
+//! prints the peak memory of all clips and three figures of the tracker's confidence: its mean, its
+//! mean distance from the frames' IoU, and Spearman's rank correlation with the IoU.
+//!
+//! `cargo bench --bench flow [-- CLIP… [--every N] [--memory]]`; with `--memory` the tracker
+//! remembers XFeat features. Add the network before by `ostra models add xfeat FILE`.
 
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
@@ -84,8 +86,11 @@ fn line(name: &str, [j, f, fps, sure, off, order]: [f64; 6]) -> String {
     )
 }
 
-/// Mean J, mean F over the frames without a given mask, frames per second; the mean confidence (0 where the object is not
-/// found), its mean distance from the frames' IoU (1 where there is none to be found), and the rank correlation of the two.
+/// Returns mean J, mean F, frames per second, and three figures of the confidence.
+///
+/// J and F are over the frames without a given mask. The figures are the mean confidence (0 where
+/// the object is not found), its mean distance from the frames' IoU (1 where there is no object),
+/// and the rank correlation of the two.
 fn tracked(
     tracker: &FlowTracker,
     set: &Path,
@@ -178,8 +183,9 @@ fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     values.sum::<f64>() / count
 }
 
-/// Spearman's: 1 where both order the frames alike, −1 where one orders them the other way round, 0 where one of them gives no
-/// order.
+/// Returns Spearman's rank correlation.
+///
+/// It is 1 for the same order, −1 for opposite orders, and 0 if all values of one list are equal.
 fn rank_correlation(a: &[f64], b: &[f64]) -> f64 {
     let middle = (a.len() as f64 - 1.0) / 2.0;
     let (a, b) = (ranks(a), ranks(b));
@@ -197,7 +203,7 @@ fn rank_correlation(a: &[f64], b: &[f64]) -> f64 {
     }
 }
 
-/// The place of each value in order, from 0 on; equal ones share their mean place.
+/// Returns the rank of each value from 0 on; equal values share their mean rank.
 fn ranks(values: &[f64]) -> Vec<f64> {
     let place = |value: &f64| {
         let (less, equal) = values.iter().fold((0.0, 0.0), |(less, equal), other| {

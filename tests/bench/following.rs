@@ -1,5 +1,7 @@
-//! What the benches of learned trackers share: labels followed over made pictures, timed at three sizes, and a long walk
-//! whose memory is watched.
+//! Common code of the benches of learned trackers.
+//!
+//! Labels are tracked over synthetic images, timed at three sizes, and over a long video whose
+//! memory is measured.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -12,18 +14,18 @@ use ostra_masks::{Direction, LabelId, LabelMask, TrackRequest, TrackedFrame, Tra
 
 const LABELS: u32 = 3;
 
-/// What the command line asks for.
+/// Arguments of the command line.
 pub struct Asked {
     /// Folder of networks.
     pub folder: PathBuf,
-    /// Frames followed at each size.
+    /// Frames to track at each size.
     frames: usize,
-    /// Frames of the long walk.
+    /// Frames to track in the long video.
     long: usize,
 }
 
 impl Asked {
-    /// `[FOLDER] [FRAMES] [LONG]`; `None`, after a printed line, without a folder.
+    /// Reads `[FOLDER] [FRAMES] [LONG]`; without a folder, prints a line and returns `None`.
     pub fn read() -> Option<Self> {
         let words: Vec<String> = std::env::args()
             .skip(1)
@@ -49,7 +51,9 @@ impl Asked {
         })
     }
 
-    /// Memory along a walk over small pictures; to be called first, while the process has not yet been larger.
+    /// Prints the memory along a long video of small images.
+    ///
+    /// Call this first, while the peak of the process is still small.
     pub fn walk(&self, tracker: &dyn Tracker) {
         follow(tracker, (160, 96), self.long, &mut |frame| {
             if frame % 50 == 0 {
@@ -62,7 +66,7 @@ impl Asked {
         });
     }
 
-    /// Frames a second at sizes (columns, rows, what was published).
+    /// Prints the frames per second at sizes (width, height, published rate).
     pub fn rates(&self, tracker: &dyn Tracker, sizes: &[(u32, u32, &str)]) {
         for &(width, height, published) in sizes {
             let rate = follow(tracker, (width, height), self.frames, &mut |_| {});
@@ -74,7 +78,7 @@ impl Asked {
     }
 }
 
-/// Follows labels over made pictures forwards; frames answered in a second.
+/// Tracks labels forwards over synthetic images; returns the frames per second.
 fn follow(
     tracker: &dyn Tracker,
     (width, height): (u32, u32),
@@ -114,7 +118,7 @@ fn follow(
     f64::from(answered) / start.elapsed().as_secs_f64()
 }
 
-/// A picture in a file: stripes that move before a gradient.
+/// Writes an image of stripes that move in front of a gradient, and returns its frame.
 fn picture(folder: &Path, frame: usize, width: u32, height: u32) -> Frame {
     let path = folder.join(format!("{frame:04}.png"));
     let shade = |x: u32, y: u32| {
@@ -146,7 +150,7 @@ fn picture(folder: &Path, frame: usize, width: u32, height: u32) -> Frame {
     }
 }
 
-/// A line of `/proc/self/status`, in MB; 0 on systems without it.
+/// Returns a line of `/proc/self/status` in MB; 0 on systems without it.
 fn status_mb(name: &str) -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status

@@ -1,5 +1,7 @@
-//! Fusion of `redkitchen_rgbd_a` at 1 cm with a mask on every frame: frames a second, decoding included, and peak
-//! memory; then relabelling, and a large cloud through a PLY file.
+//! Fusion of `redkitchen_rgbd_a` at 1 cm with a mask on every frame.
+//!
+//! Prints frames per second, decoding included, and peak memory; then relabelling, and a large
+//! cloud through a PLY file.
 
 #![expect(
     clippy::unwrap_used,
@@ -26,7 +28,7 @@ mod data;
 #[path = "../support/data_set.rs"]
 mod data_set;
 
-/// Pictures and depths kept while fusing: so few that every pass decodes anew.
+/// Cache for images and depth during the fusion; so small that every pass decodes again.
 const CACHE_BYTES: usize = 32 << 20;
 
 fn main() {
@@ -46,14 +48,14 @@ fn main() {
     bench_ply();
 }
 
-/// Wall and CPU seconds of some work.
+/// Returns the result of some work with its wall and CPU seconds.
 fn timed<T>(work: impl FnOnce() -> T) -> (T, f64, f64) {
     let (start, cpu) = (Instant::now(), cpu_seconds());
     let done = work();
     (done, start.elapsed().as_secs_f64(), cpu_seconds() - cpu)
 }
 
-/// A mask whose labels do not matter, only that it votes.
+/// Returns a mask whose labels do not matter; it only has to vote.
 fn mask(frame: &Frame, shift: u32) -> Arc<LabelMask> {
     let id = |index: u32| {
         LabelId((((index % frame.width + shift) / 90 + index / frame.width / 80) % 5) as u16)
@@ -151,7 +153,7 @@ fn peak_memory_mb() -> u64 {
     peak.unwrap_or(0) >> 10
 }
 
-/// CPU time of this process, in seconds.
+/// Returns the CPU time of this process in seconds.
 fn cpu_seconds() -> f64 {
     let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     let after_name = stat.rsplit(')').next().unwrap_or_default();

@@ -1,7 +1,8 @@
-//! Time of Grounding DINO: a picture, and the same picture with another threshold.
+//! Time of Grounding DINO for an image, and for the same image with another threshold.
 //!
-//! `cargo bench --bench grounding [FOLDER]`; FOLDER holds its two files. Time does not depend on the weights:
-//! `python3 assets/export/grounding_dino.py --random 1 FOLDER` makes some; any `vocab.txt` does that has what captions need.
+//! `cargo bench --bench grounding [FOLDER]`; FOLDER contains its two files. The time does not
+//! depend on the weights: `python3 assets/export/grounding_dino.py --random 1 FOLDER` writes random
+//! ones. Any `vocab.txt` with the tokens that captions need will do.
 
 #![expect(
     clippy::print_stdout,

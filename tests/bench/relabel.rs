@@ -1,6 +1,8 @@
-//! Relabelling a cloud of a million points of `apc_shelf_rgbd_labels` after one mask changed: wall and CPU seconds and
-//! peak memory, of the frame alone and of all frames looked through for what changed; then in the program, from a stroke of
-//! the brush to the cloud that a window shows.
+//! Relabelling of a cloud of a million points of `apc_shelf_rgbd_labels` after one mask changed.
+//!
+//! Prints wall and CPU seconds and peak memory, for the changed frame only and for a search of all
+//! frames for changes. Then measures the program, from a brush stroke to the cloud that a window
+//! shows.
 
 #![expect(
     clippy::unwrap_used,
@@ -68,7 +70,7 @@ fn main() {
     in_the_program(&set);
 }
 
-/// A stroke of the brush, and the cloud that follows it.
+/// Measures a brush stroke and the live vote after it.
 fn in_the_program(set: &Path) {
     let folder = tempfile::tempdir().unwrap();
     let mut session = Session::new();
@@ -144,7 +146,7 @@ fn in_the_program(set: &Path) {
     }
 }
 
-/// The first million of the shelf's points, with their votes.
+/// Returns the first million of the shelf's points, with their votes.
 fn million(shelf: &data_set::DataSet) -> (LabelledCloud, Votes) {
     let options = FuseOptions {
         voxel: Some(0.0008),
@@ -156,7 +158,7 @@ fn million(shelf: &data_set::DataSet) -> (LabelledCloud, Votes) {
     (fused.cloud.select(&points), fused.votes.select(&points))
 }
 
-/// The mask with one object called another.
+/// Returns the mask with one object labelled as another.
 fn moved(mask: &LabelMask) -> LabelMask {
     let ids = mask
         .ids
@@ -188,7 +190,7 @@ fn peak_memory_mb() -> u64 {
     peak.unwrap_or(0) >> 10
 }
 
-/// CPU time of this process, in seconds.
+/// Returns the CPU time of this process in seconds.
 fn cpu_seconds() -> f64 {
     let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     let after_name = stat.rsplit(')').next().unwrap_or_default();

@@ -1,7 +1,10 @@
-//! Time of Segment Anything: the encoder once a picture, the decoder for every click, the enlarging of its answer.
+//! Time of Segment Anything.
 //!
-//! `cargo bench --bench sam [NAME] [FOLDER]`; NAME as in the catalogue (`sam-vit-b`), FOLDER holds its two files.
-//! Time does not depend on the weights: `python3 assets/export/sam.py --random 1 FOLDER` makes some.
+//! Measures the encoder once per image, the decoder for every click, and the upscaling of its mask.
+//!
+//! `cargo bench --bench sam [NAME] [FOLDER]`; NAME is that of the catalogue (`sam-vit-b`), FOLDER
+//! contains its two files. The time does not depend on the weights: `python3 assets/export/sam.py
+//! --random 1 FOLDER` writes random ones.
 
 #![expect(
     clippy::print_stdout,
@@ -84,7 +87,7 @@ fn times(sam: &Sam, width: u32, height: u32) {
     );
 }
 
-/// Milliseconds of a click that was not asked before.
+/// Returns the milliseconds of a click that was not made before.
 fn click(frame: &dyn PreparedFrame, at: u32, width: u32, height: u32) -> f64 {
     let share = (f64::from(at) + 0.5) / f64::from(CLICKS);
     let at_px = DVec2::new(share * f64::from(width), (1.0 - share) * f64::from(height));

@@ -1,6 +1,9 @@
-//! The built-in segmenter against real pictures with truth: a robot user clicks, accuracy and time are printed.
+//! Accuracy and time of the built-in segmenter with a simulated user.
 //!
-//! `cargo bench --bench segmenter [davis] [shelf] [tiller] [boxes] [time] [NAME…]`; with `OSTRA_SHOTS=DIR` answers are drawn there.
+//! The images are real and have ground truth.
+//!
+//! `cargo bench --bench segmenter [davis] [shelf] [tiller] [boxes] [time] [NAME…]`; with
+//! `OSTRA_SHOTS=DIR`, results are drawn to that folder.
 
 #![expect(
     clippy::print_stdout,
@@ -62,7 +65,7 @@ fn main() {
     }
 }
 
-/// Robot user on the first, middle and last frame of each clip.
+/// Plays the simulated user on the first, middle and last frame of each clip.
 fn davis(root: &Path, names: &[&str]) {
     println!("davis2016: IoU after clicks, clicks to 0.85 and 0.90, ms an answer");
     let mut runs = Vec::new();
@@ -74,7 +77,7 @@ fn davis(root: &Path, names: &[&str]) {
     summary(&runs);
 }
 
-/// First, middle and last frame of each clip with its truth.
+/// Returns the first, middle and last frame of each clip with ground truth.
 fn davis_frames(root: &Path, names: &[&str]) -> impl Iterator<Item = (String, Arc<Image>, Region)> {
     let clips = sorted(&root.join("JPEGImages")).into_iter();
     let wanted = clips.filter(|clip| names.is_empty() || names.contains(&&**clip));
@@ -95,7 +98,7 @@ fn davis_frames(root: &Path, names: &[&str]) -> impl Iterator<Item = (String, Ar
     })
 }
 
-/// The truth's bounding box as the only prompt.
+/// Scores the ground truth's bounding box as the only prompt.
 fn boxes(data: &Path, names: &[&str]) {
     println!("IoU of a box alone");
     let mut sum = (0.0, 0.0);
@@ -127,7 +130,7 @@ fn boxes(data: &Path, names: &[&str]) {
     }
 }
 
-/// Every object of every third view.
+/// Returns every object of every third view.
 fn shelf_objects(root: &Path, names: &[&str]) -> Vec<(String, Arc<Image>, Arc<DepthMap>, Region)> {
     let mut found = Vec::new();
     for (at, file) in sorted(&root.join("color")).iter().enumerate().step_by(3) {
@@ -192,7 +195,7 @@ fn summary(runs: &[Run]) {
     );
 }
 
-/// Robot user on every object of every third shelf view, with and without depth.
+/// Plays the simulated user on every object of every third shelf view, with and without depth.
 fn shelf(root: &Path, names: &[&str]) {
     println!("shelf: IoU after 1, 2, 3 clicks without depth | with depth");
     let mut sums = [[0.0; 3]; 2];
@@ -239,7 +242,9 @@ fn shelf(root: &Path, names: &[&str]) {
     }
 }
 
-/// Robot user on each organ class of a made tiller, with exact depth: many parts are one label.
+/// Plays the simulated user on each organ class of a synthetic tiller, with exact depth.
+///
+/// Many parts share one label.
 fn tiller(names: &[&str]) {
     println!("tiller: IoU after 1 2 3 5 8 clicks with depth");
     let options = SceneOptions {
@@ -277,7 +282,7 @@ fn tiller(names: &[&str]) {
     }
 }
 
-/// Time alone, at both sizes.
+/// Measures only the time, at both sizes.
 fn times(root: &Path) {
     for (width, height) in [(854, 480), (1280, 720)] {
         let mut runs = Vec::new();
@@ -313,7 +318,7 @@ fn times(root: &Path) {
     }
 }
 
-/// What became of one frame.
+/// Results of one frame.
 struct Run {
     ious: Vec<f64>,
     answers: Vec<Duration>,
@@ -384,7 +389,7 @@ fn play(
     run
 }
 
-/// IoU of the answer to the truth's bounding box alone.
+/// Returns the IoU of the result for the ground truth's bounding box only.
 fn boxed(name: &str, image: &Arc<Image>, depth: Option<&Arc<DepthMap>>, truth: &Region) -> f64 {
     let frame = BuiltinSegmenter
         .prepare(image, depth, &Progress::default())
@@ -513,7 +518,9 @@ fn resized_region(region: &Region, width: u32, height: u32) -> Region {
     }
 }
 
-/// Draws an answer: object red where right, blue where missed, green where too much, clicks white and black.
+/// Draws a result: red where right, blue where missed, green where too much.
+///
+/// Clicks are white and black.
 fn shoot(
     name: &str,
     number: usize,

@@ -1,5 +1,7 @@
-//! Seconds a view of PatchMatch stereo on the processor and on the graphics card, on a made textured scene: from the
-//! pictures alone, and a round with geometric consistency; and how alike the two are.
+//! Seconds per view of PatchMatch stereo on CPU and GPU, on a synthetic textured scene.
+//!
+//! Measures a search from the images only and a round with geometric consistency, and how well CPU
+//! and GPU agree.
 //!
 //! `cargo bench --bench stereo [-- WIDTHxHEIGHT…]`, by default 640x480 and 1920x1080.
 
@@ -16,7 +18,7 @@ use ostra_reconstruct::stereo::patchmatch::{
     Found, PatchMatchOptions, Picture, Plane, Round, Search, Tones,
 };
 
-/// Pictures: a reference and its sources.
+/// Number of images: a reference and its sources.
 const VIEWS: usize = 5;
 
 #[expect(clippy::print_stdout, reason = "a bench speaks to the user")]
@@ -63,7 +65,9 @@ fn size(word: &str) -> Option<(u32, u32)> {
     Some((width.parse().ok()?, height.parse().ok()?))
 }
 
-/// What both kinds of search find, the second from what the first found and the sources' true planes, and their seconds.
+/// Returns the results of both searches and their seconds.
+///
+/// The second search starts from the first result and the sources' true planes.
 fn timed(
     engine: &Engine,
     pictures: &[Arc<Picture>],
@@ -94,7 +98,7 @@ fn timed(
     Ok(([first, again], [seconds, begun.elapsed().as_secs_f64()]))
 }
 
-/// Of the pixels with depth in the first, those with about the same in the second, in hundredths.
+/// Returns the percentage of pixels with CPU depth whose GPU depth agrees to 0.1 %.
 fn share(cpu: &Found, gpu: &Found) -> f64 {
     let known = cpu
         .planes
@@ -107,7 +111,7 @@ fn share(cpu: &Found, gpu: &Found) -> f64 {
     100.0 * near.count() as f64 / (known.count() as f64).max(1.0)
 }
 
-/// Where a picture is taken from.
+/// Returns the camera and pose of an image.
 fn view(index: usize, width: u32, height: u32) -> (Camera, Pose) {
     let side = 0.3 * index.div_ceil(2) as f64 * if index.is_multiple_of(2) { -1.0 } else { 1.0 };
     let pose = Pose {
@@ -128,7 +132,7 @@ fn view(index: usize, width: u32, height: u32) -> (Camera, Pose) {
     )
 }
 
-/// Inverse depth of a slanted wall in a pixel, and the pixel's ray in the world.
+/// Returns the inverse depth of a slanted wall at a pixel, and the pixel's ray in the world.
 fn wall(camera: &Camera, pose: &Pose, x: u32, y: u32) -> (f64, DVec3) {
     let at_px = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
     let (centre, ray) = (
@@ -141,7 +145,7 @@ fn wall(camera: &Camera, pose: &Pose, x: u32, y: u32) -> (f64, DVec3) {
     )
 }
 
-/// The wall's plane in each pixel of a picture.
+/// Returns the wall's plane at each pixel of an image.
 fn true_planes(picture: &Picture) -> Found {
     let (width, height) = picture.size();
     let inverse_depth = |x: usize, y: usize| {
@@ -169,7 +173,7 @@ fn true_planes(picture: &Picture) -> Found {
     }
 }
 
-/// The textured wall from one of several places.
+/// Returns the image of the textured wall from one of several places.
 fn picture(index: usize, width: u32, height: u32) -> Arc<Picture> {
     let (camera, pose) = view(index, width, height);
     let fineness = f64::from(width) / 160.0;

@@ -1,5 +1,7 @@
-//! The surface of 50 frames of `redkitchen_rgbd_a` at 1 cm and at 5 mm, with its colours, then with the labels of a mask on
-//! every frame: frames a second, decoding included, the surface itself, and memory.
+//! Surface of 50 frames of `redkitchen_rgbd_a` at 1 cm and at 5 mm.
+//!
+//! The surface is made with colours, then with the labels of a mask on every frame. Prints frames
+//! per second, decoding included, the size of the surface, and memory.
 
 #![expect(
     clippy::unwrap_used,
@@ -24,7 +26,7 @@ mod data;
 #[path = "../support/data_set.rs"]
 mod data_set;
 
-/// Pictures and depths kept: so few that every pass decodes anew.
+/// Cache for images and depth; so small that every pass decodes again.
 const CACHE_BYTES: usize = 32 << 20;
 const FRAMES: usize = 50;
 
@@ -81,7 +83,7 @@ fn main() {
     }
 }
 
-/// The most memory that this process used, where the system tells (0 elsewhere).
+/// Returns the peak memory of this process in MiB, or 0 if the system does not report it.
 fn peak_mib() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let kib = |line: &str| {

@@ -1,8 +1,11 @@
-//! Time and memory of XMem: frames a second at three sizes, and the peak of memory over a long walk.
+//! Frames per second of XMem at three sizes, and its peak memory over a long video.
 //!
-//! `cargo bench --bench xmem [FOLDER] [FRAMES] [LONG]`; FOLDER holds its three files, FRAMES are followed at each size (12),
-//! LONG in the long walk (500, at 160×96). Time does not depend on the weights: `python3 assets/export/xmem.py --random 1
-//! FOLDER` makes some. Published for an RTX 3060: 6.4–15.1 frames/s at 640×480, 6.6–9.9 at 960×540, 1.3–2.2 at 1280×720.
+//! `cargo bench --bench xmem [FOLDER] [FRAMES] [LONG]`; FOLDER contains its three files, FRAMES are
+//! tracked at each size (12), LONG in the long video (500, at 160×96). The time does not depend on
+//! the weights: `python3 assets/export/xmem.py --random 1 FOLDER` writes random ones.
+//!
+//! Published for an RTX 3060: 6.4–15.1 frames/s at 640×480, 6.6–9.9 at 960×540, 1.3–2.2 at
+//! 1280×720.
 
 #![expect(
     clippy::print_stdout,
@@ -15,7 +18,7 @@ mod following;
 use following::Asked;
 use ostra_tracking::xmem::XMem;
 
-/// Columns, rows, and what was published.
+/// Width, height, and published frames per second.
 const SIZES: [(u32, u32, &str); 3] = [
     (640, 480, "6.4–15.1"),
     (960, 540, "6.6–9.9"),

@@ -1,4 +1,4 @@
-//! Files of cameras, poses, intrinsics and sparse points.
+//! Fuzz targets for files of cameras, poses, intrinsics and sparse points.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use ostra_frames::{Frame, FrameFolder, OpenRequest, open};
 use crate::harness::{Seed, fuzz};
 use crate::seeds;
 
-/// Four frames of 16 × 12 pixels, `0.png` to `3.png`.
+/// Returns four frames of 16 × 12 pixels, `0.png` to `3.png`.
 fn frames() -> Vec<Frame> {
     let folder = tempfile::tempdir().unwrap();
     for k in 0..4 {
@@ -30,7 +30,7 @@ fn frames() -> Vec<Frame> {
     .frames
 }
 
-/// A COLMAP model of several files, one of them damaged.
+/// Fuzzes a COLMAP model of several files, one of them damaged.
 fn fuzz_model(name: &str, files: &[Seed]) {
     let frames = frames();
     fuzz!(name, 8000, files.to_vec(), |folder, _| {

@@ -1,4 +1,4 @@
-//! Features and matches that are kept in a project for the next run.
+//! Fuzz target for the features and matches that a project keeps for the next run.
 
 use std::path::Path;
 
@@ -12,12 +12,12 @@ use sha2::{Digest, Sha256};
 
 use crate::harness::{Seed, fuzz};
 
-/// Bytes of the digest at the end of a file.
+/// Size in bytes of the digest at the end of a file.
 const DIGEST: usize = 32;
 const WIDTH: usize = 12;
 const HEIGHT: usize = 4;
 
-/// Finds a feature in every column, described by the column itself.
+/// Extractor of one feature per column, described by the column itself.
 struct Columns;
 
 impl FeatureExtractor for Columns {
@@ -49,7 +49,7 @@ impl FeatureExtractor for Columns {
     }
 }
 
-/// Features of two pictures and their matches, made or found in the folder.
+/// Extracts and matches the features of two images, or reads them from the folder.
 fn extract_and_match(folder: &Path) {
     let cache = FeatureCache::open(folder.to_owned());
     let extractor = CachedExtractor {
@@ -78,7 +78,7 @@ fn extract_and_match(folder: &Path) {
         );
     }
     let all: Vec<&Features> = pictures.iter().collect();
-    // Descriptors of another length cannot be compared; that is an error, not a panic.
+    // Descriptors of different lengths cannot be compared; that is an error, not a panic.
     if let Ok(matches) = matcher.of_set(&all).and_then(|matches| matches(0, 1)) {
         for (first, second) in matches {
             assert!((first as usize) < pictures[0].keypoints.len());

@@ -1,4 +1,6 @@
-//! Runs a target on damaged seeds and reports how many inputs it took, how long the slowest one lasted, and the memory.
+//! Harness that runs a target on damaged seeds.
+//!
+//! It reports the number of inputs, the duration of the slowest one, and the memory of the process.
 
 use std::path::Path;
 use std::sync::Mutex;
@@ -8,15 +10,17 @@ use tempfile::TempDir;
 
 use crate::mutate::{Damage, damaged};
 
-/// An input that takes longer is a finding. Inputs take milliseconds; a busy machine does not bring them there.
+/// Duration above which an input is a finding.
+///
+/// Inputs take milliseconds; even a busy machine does not stretch them to this.
 const HANG: Duration = Duration::from_secs(5);
-/// Memory of the whole process above which there is a finding.
+/// Memory of the whole process in MB above which there is a finding.
 const MAX_MB: u64 = 1000;
 
-/// A valid file of some format: where it is placed, and its content.
+/// A valid file of some format: its path and its content.
 #[derive(Clone)]
 pub struct Seed {
-    /// Path below the folder that the target reads, with `/`.
+    /// Path below the folder that the target reads, separated by `/`.
     pub path: String,
     pub bytes: Vec<u8>,
 }
@@ -30,7 +34,7 @@ impl Seed {
     }
 }
 
-/// What is kept of a run.
+/// Statistics of a run.
 #[derive(Default)]
 struct Figures {
     executions: u64,
@@ -38,7 +42,7 @@ struct Figures {
     total: Duration,
 }
 
-/// A fuzz target: a folder, the seeds that are damaged and placed in it, and what reads them.
+/// A fuzz target: a folder, the seeds that are damaged and placed in it, and their reader.
 pub struct Target<'a, F> {
     name: String,
     folder: TempDir,
@@ -48,7 +52,7 @@ pub struct Target<'a, F> {
 }
 
 impl<'a, F: Fn(&Path, &Seed)> Target<'a, F> {
-    /// Makes the target and reads the undamaged seeds.
+    /// Creates the target and reads the undamaged seeds.
     pub fn new(name: &str, seeds: &'a [Seed], read: F) -> Self {
         let folder = tempfile::tempdir_in(scratch()).unwrap();
         let target = Self {
@@ -58,7 +62,8 @@ impl<'a, F: Fn(&Path, &Seed)> Target<'a, F> {
             read,
             figures: Mutex::default(),
         };
-        // The others lie next to the damaged one: class names next to labels, images next to points.
+        // Readers need the other files next to the damaged one: class names next to labels, images
+        // next to points.
         target
             .firsts()
             .for_each(|seed| place(target.folder.path(), seed));
@@ -68,7 +73,7 @@ impl<'a, F: Fn(&Path, &Seed)> Target<'a, F> {
         target
     }
 
-    /// The first seed of each path.
+    /// Returns the first seed of each path.
     fn firsts(&self) -> impl Iterator<Item = &Seed> {
         let is_first = |at: usize| {
             !self.seeds[..at]
@@ -82,7 +87,7 @@ impl<'a, F: Fn(&Path, &Seed)> Target<'a, F> {
             .map(|(_, seed)| seed)
     }
 
-    /// Reads one damaged seed and takes the time.
+    /// Reads one damaged seed and records the duration.
     pub fn run(&self, damage: &Damage) {
         let took = self.read(&damaged(self.seeds, damage));
         let mut figures = self.figures.lock().unwrap();
@@ -102,10 +107,11 @@ impl<'a, F: Fn(&Path, &Seed)> Target<'a, F> {
         took
     }
 
-    /// Prints how many inputs there were, the slowest one, and the memory.
+    /// Prints the number of inputs, the slowest one, and the memory.
     ///
     /// # Panics
-    /// When an input hung, or the process took more memory than any file may cause.
+    ///
+    /// If an input hung, or the process took more memory than any file may cause.
     pub fn report(&self) {
         let figures = self.figures.lock().unwrap();
         assert!(
@@ -126,8 +132,10 @@ impl<'a, F: Fn(&Path, &Seed)> Target<'a, F> {
     }
 }
 
-/// Fuzzes a target from within its test, which `tests/fuzz/run` finds by its name. `iterations` bounds the inputs of a plain
-/// `cargo test`; `BOLERO_RANDOM_TEST_TIME_MS` replaces that bound by a time.
+/// Fuzzes a target within its test, whose name `tests/fuzz/run` uses to find it.
+///
+/// `iterations` bounds the inputs of a plain `cargo test`; `BOLERO_RANDOM_TEST_TIME_MS` replaces
+/// that bound by a time.
 macro_rules! fuzz {
     ($name:expr, $iterations:expr, $seeds:expr, $read:expr) => {{
         let seeds = $seeds;
@@ -153,7 +161,9 @@ fn place(folder: &Path, seed: &Seed) {
     std::fs::write(path, &seed.bytes).unwrap();
 }
 
-/// A folder in memory where there is one: a target writes thousands of files a second.
+/// Returns a folder for the files of targets, in memory if possible.
+///
+/// A target writes thousands of files a second.
 pub fn scratch() -> std::path::PathBuf {
     let memory = Path::new("/dev/shm");
     if memory.is_dir() {

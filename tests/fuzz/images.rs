@@ -1,4 +1,4 @@
-//! Images and depth maps.
+//! Fuzz targets for images and depth maps.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use ostra_frames::{FrameFolder, FrameStore, MadeDepth, OpenRequest, exif_focal_p
 use crate::harness::{Seed, fuzz};
 use crate::seeds;
 
-/// Opens the folder as frames and reads everything about the first ones.
+/// Opens the folder as frames and reads all data of the first ones.
 fn open_all(folder: &Path, depth: Option<&Path>) {
     let sources = vec![FrameFolder {
         frames: folder.to_owned(),

@@ -1,10 +1,11 @@
 //! Fuzzing of every parser and of whole project folders.
 //!
-//! Each test is a fuzz target. `cargo test` gives every target a bounded number of random inputs. Coverage-guided runs
-//! use libFuzzer for as long as asked: `tests/fuzz/run`.
+//! Each test is a fuzz target. `cargo test` gives every target a bounded number of random inputs.
+//! Coverage-guided runs use libFuzzer for as long as requested: `tests/fuzz/run`.
 //!
-//! An input is a recipe of damage: which seed file to take and what to change in it ([`mutate`]). Seeds are written by the
-//! tests themselves ([`seeds`]), so that nothing has to be fetched and random inputs get past the first bytes of a format.
+//! An input describes damage: which seed file to take and what to change in it ([`mutate`]). The
+//! tests write the seeds themselves ([`seeds`]). So there is nothing to download, and random inputs
+//! get past the first bytes of a format.
 
 #[cfg(test)]
 mod cameras;

@@ -1,4 +1,4 @@
-//! Masks and label lists of every format.
+//! Fuzz targets for masks and label lists of every format.
 
 use ostra_core::job::Progress;
 use ostra_masks::{

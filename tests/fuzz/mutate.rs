@@ -1,20 +1,24 @@
-//! Damage to a file: few changes of the kinds that parsers stumble over.
+//! Damage to a file: a few changes of the kinds that parsers fail on.
 
 use bolero::TypeGenerator;
 
 use crate::harness::Seed;
 
-/// What is done to which seed.
+/// The seed that is damaged, and its changes.
 #[derive(Debug, Clone, TypeGenerator)]
 pub struct Damage {
     seed: u16,
     first: Change,
     more: Vec<Change>,
-    /// The first changes of `more` that count: most inputs should stay close to a valid file.
+    /// Number of changes of `more` to apply, modulo 6.
+    ///
+    /// Most inputs should stay close to a valid file.
     count: u8,
 }
 
-/// One change. Positions are shares of the file's length, in 65536ths.
+/// One change.
+///
+/// Positions are fractions of the file's length, in 65536ths.
 #[derive(Debug, Clone, TypeGenerator)]
 enum Change {
     Set {
@@ -61,7 +65,7 @@ enum Change {
     },
 }
 
-/// Numbers at the borders of what integers and buffers hold.
+/// Numbers at the limits of integers and buffers.
 const WORDS: [u64; 10] = [
     0,
     1,
@@ -75,7 +79,7 @@ const WORDS: [u64; 10] = [
     65535,
 ];
 
-/// What replaces a number or a word of a text.
+/// Replacements for a number or a word of a text.
 const TOKENS: [&str; 22] = [
     "-1",
     "0",
@@ -101,7 +105,7 @@ const TOKENS: [&str; 22] = [
     "é",
 ];
 
-/// Applies a damage to one of the seeds.
+/// Returns one of the seeds with the damage applied.
 pub fn damaged(seeds: &[Seed], damage: &Damage) -> Seed {
     let mut seed = seeds[damage.seed as usize % seeds.len()].clone();
     let more = damage.more.iter().take(damage.count as usize % 6);

@@ -1,4 +1,4 @@
-//! Whole project folders with one damaged file, and recipes.
+//! Fuzz targets for project folders with one damaged file, and for recipes.
 
 use ostra_project::SegmenterId;
 use std::ops::ControlFlow;
@@ -21,7 +21,9 @@ use ostra_session::{
 use crate::harness::{Seed, fuzz, scratch};
 use crate::seeds;
 
-/// The files of a project of two RGB-D frames with a label, masks, a cloud and some history, and of the images it was made of.
+/// Returns the files of a sample project and of the images it was made from.
+///
+/// The project has two RGB-D frames with a label, masks, a cloud and some history.
 fn sample() -> &'static [Seed] {
     static SAMPLE: OnceLock<Vec<Seed>> = OnceLock::new();
     SAMPLE.get_or_init(|| {
@@ -128,7 +130,7 @@ fn collect(root: &Path, folder: &Path, files: &mut Vec<Seed>) {
     }
 }
 
-/// Settles what is running; a panic of a job is a finding.
+/// Waits for the running jobs; a panic of a job is a finding.
 fn settle(session: &mut Session) {
     for event in session.settle(|_| ControlFlow::Continue(())) {
         if let Event::Failed { error, .. } = event {
@@ -140,7 +142,9 @@ fn settle(session: &mut Session) {
     }
 }
 
-/// Opens the project, edits it, fuses again and saves; whatever fails must fail with a message. Whether it was fused.
+/// Opens the project, edits it, fuses again and saves. Returns whether it was fused.
+///
+/// Each step may fail, but only with an error message.
 fn use_project(root: &Path) -> bool {
     let mut session = Session::new();
     if session.act(Command::Open(root.to_owned())).is_err() {
@@ -241,7 +245,7 @@ fn votes() {
     });
 }
 
-/// Steps of a recipe that touch nothing but the open project.
+/// Fuzzes the steps of a recipe that only change the open project.
 #[test]
 #[expect(
     clippy::too_many_lines,

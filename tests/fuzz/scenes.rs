@@ -1,4 +1,4 @@
-//! Clouds and meshes.
+//! Fuzz targets for clouds and meshes.
 
 use ostra_cloud::ply::{read_mesh, read_ply};
 use ostra_core::job::Progress;

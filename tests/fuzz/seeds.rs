@@ -1,4 +1,4 @@
-//! Valid files of every format, small and made here.
+//! Small valid files of every format, written by the tests themselves.
 
 use std::io::Cursor;
 
@@ -52,7 +52,7 @@ pub fn images() -> Vec<Seed> {
     ]
 }
 
-/// A JPEG with an orientation and a focal length in its EXIF.
+/// Returns the JPEG with an orientation and a focal length in its EXIF data.
 fn with_exif(jpeg: &[u8]) -> Vec<u8> {
     let entry = |tag: u16, kind: u16, count: u32, value: u32| {
         [

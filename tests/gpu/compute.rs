@@ -1,4 +1,4 @@
-//! Computing on the GPU: pieces of work, errors, limits.
+//! GPU tests of computing: pieces of work, errors, limits.
 
 use std::ops::Range;
 
@@ -21,7 +21,7 @@ fn device() -> Device {
     Device::open(Software::Allowed).unwrap()
 }
 
-/// Squares of 300 x 1001 numbers, piece by piece; and the pieces.
+/// Squares 300 × 1001 numbers piece by piece; returns the squares and the pieces.
 fn squares(device: &Device, stop_after: usize) -> Result<(Vec<u32>, Vec<Range<u32>>), GpuError> {
     let program = device.program(
         "squares",
@@ -56,7 +56,7 @@ fn squares(device: &Device, stop_after: usize) -> Result<(Vec<u32>, Vec<Range<u3
     Ok((device.read(&results, 300 * 1001)?, pieces))
 }
 
-fn every_row_is_worked_on_once_whatever_the_pieces() {
+fn every_row_is_computed_once_for_any_pieces() {
     let device = device();
     let (squares, pieces) = squares(&device, usize::MAX).unwrap();
     assert!(
@@ -71,7 +71,7 @@ fn every_row_is_worked_on_once_whatever_the_pieces() {
     );
 }
 
-fn work_ends_between_two_pieces() {
+fn work_stops_between_two_pieces() {
     let device = device();
     assert_eq!(squares(&device, 2).unwrap_err(), GpuError::NoAdapter);
     assert!(
@@ -80,7 +80,7 @@ fn work_ends_between_two_pieces() {
     );
 }
 
-fn a_program_with_a_mistake_is_an_error() {
+fn invalid_program_is_an_error() {
     let device = device();
     let error = device
         .program("wrong", "fn main() { return 1; }", &[])
@@ -88,7 +88,7 @@ fn a_program_with_a_mistake_is_an_error() {
     assert!(matches!(&error, GpuError::Failed { .. }), "{error}");
 }
 
-fn a_program_that_is_not_bound_as_it_says_is_an_error() {
+fn wrong_bindings_are_an_error() {
     let device = device();
     let program = device
         .program(
@@ -100,7 +100,7 @@ fn a_program_that_is_not_bound_as_it_says_is_an_error() {
     assert!(device.kernel(&program, "main").is_err());
 }
 
-fn more_than_a_binding_holds_is_an_error_that_says_what() {
+fn oversized_buffer_error_names_the_buffer() {
     let device = device();
     let error = device.zeros::<u32>("pixels", (32 << 20) + 1).unwrap_err();
     assert!(matches!(error, GpuError::TooLarge { what: "pixels", .. }));
@@ -115,7 +115,7 @@ fn more_than_a_binding_holds_is_an_error_that_says_what() {
     );
 }
 
-fn a_software_adapter_is_taken_only_where_it_may_be() {
+fn software_adapter_is_used_only_if_allowed() {
     let device = device();
     match Device::open(Software::Refused) {
         Ok(real) => assert!(!real.is_software()),
@@ -127,10 +127,10 @@ fn a_software_adapter_is_taken_only_where_it_may_be() {
 }
 
 crate::tests! {
-    every_row_is_worked_on_once_whatever_the_pieces,
-    work_ends_between_two_pieces,
-    a_program_with_a_mistake_is_an_error,
-    a_program_that_is_not_bound_as_it_says_is_an_error,
-    more_than_a_binding_holds_is_an_error_that_says_what,
-    a_software_adapter_is_taken_only_where_it_may_be
+    every_row_is_computed_once_for_any_pieces,
+    work_stops_between_two_pieces,
+    invalid_program_is_an_error,
+    wrong_bindings_are_an_error,
+    oversized_buffer_error_names_the_buffer,
+    software_adapter_is_used_only_if_allowed
 }

@@ -1,4 +1,4 @@
-//! What the GPU draws, compared with what the CPU draws.
+//! GPU tests of drawing, compared with the CPU's images.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use ostra_view::{
     SceneView, ViewCamera, draw_cloud, draw_mesh,
 };
 
-/// A view with the device that it draws on.
+/// A view with the device it draws on.
 pub struct View {
     scene_view: SceneView,
     device: wgpu::Device,
@@ -24,7 +24,7 @@ impl View {
         Self::open().unwrap()
     }
 
-    /// Opens a view, or says why there is no device for it.
+    /// Opens a view, or returns why there is no device for it.
     pub fn open() -> Result<Self, String> {
         let instance = wgpu::Instance::default();
         let options = wgpu::RequestAdapterOptions::default();
@@ -50,7 +50,7 @@ impl View {
         self.scene_view.draw(scene)
     }
 
-    /// Points or triangles that are drawn, and all of them.
+    /// Returns the number of drawn points or triangles, and the number of all.
     pub fn drawn(&self) -> (usize, usize) {
         self.scene_view.drawn()
     }
@@ -119,7 +119,9 @@ pub fn read_back(view: &View, width: u32, height: u32) -> Vec<[u8; 4]> {
     bytemuck::cast_slice(&buffer.slice(..).get_mapped_range().unwrap()).to_vec()
 }
 
-/// One call; whether the picture is whole. Lets others work where it is not, since points are arranged in the background.
+/// Draws once and returns whether the image is complete.
+///
+/// Yields to other threads if not, because points are arranged in the background.
 pub fn step(view: &mut View, scene: &Scene3d) -> bool {
     let whole = view.draw(scene);
     if !whole {
@@ -128,7 +130,7 @@ pub fn step(view: &mut View, scene: &Scene3d) -> bool {
     whole
 }
 
-/// Draws until all is drawn; gives the picture, and how many calls it took.
+/// Draws until the image is complete; returns it and the number of calls.
 pub fn drawn(view: &mut View, scene: &Scene3d) -> (Vec<[u8; 4]>, usize) {
     let calls = (1..50_000_000).find(|_| step(view, scene)).unwrap();
     (
@@ -157,14 +159,16 @@ pub fn by_label() -> SceneStyle {
     }
 }
 
-/// How many pixels of the two twins differ by no more than `most` in each channel, of a thousand.
+/// Returns how many of a thousand pixels differ by at most `most` in each channel.
 pub fn alike(gpu: &[[u8; 4]], cpu: &[[u8; 3]], most: u8) -> usize {
     let near =
         |(g, c): &(&[u8; 4], &[u8; 3])| g[..3].iter().zip(*c).all(|(a, b)| a.abs_diff(*b) <= most);
     gpu.iter().zip(cpu).filter(near).count() * 1000 / gpu.len()
 }
 
-/// A square of `side` × `side` wavy pieces, two triangles each; its right half has another label.
+/// Returns a wavy square of `side` × `side` cells of two triangles each.
+///
+/// Its right half has another label.
 fn waves(side: u32) -> LabelledMesh {
     let at = |i: u32| {
         let (x, y) = (
@@ -196,7 +200,7 @@ fn waves(side: u32) -> LabelledMesh {
     mesh
 }
 
-fn a_surface_ends_equal_to_its_cpu_twin_and_its_wires_lie_within() {
+fn surface_equals_its_cpu_twin_and_contains_its_wires() {
     let mesh = Arc::new(waves(400).split_at_labels());
     let bounds = Bounds::of(mesh.vertices.positions.iter().copied()).unwrap();
     let camera = Orbit::framing(&bounds, Vec3::new(0.3, 0.2, 1.0), Vec3::NEG_Y).camera(256, 192);
@@ -223,7 +227,7 @@ fn a_surface_ends_equal_to_its_cpu_twin_and_its_wires_lie_within() {
         covered(&half)
     );
 
-    // Far apart, sides leave most of the surface open, and nothing is drawn beside it.
+    // On a coarse mesh, the edges leave most of the surface open, and no line lies outside it.
     let coarse = Arc::new(waves(12));
     style.appearance.hidden.clear();
     view.set_model(Model::Wireframe(Arc::clone(&coarse)));
@@ -250,7 +254,7 @@ fn a_surface_ends_equal_to_its_cpu_twin_and_its_wires_lie_within() {
     assert_eq!(apart, 0, "a line lies a pixel beside the surface at most");
 }
 
-fn progressive_picture_ends_equal_to_its_cpu_twin() {
+fn progressive_image_ends_equal_to_its_cpu_twin() {
     let cloud = Arc::new(sphere(450_000));
     let bounds = Bounds::of(cloud.positions.iter().copied()).unwrap();
     let camera = Orbit::framing(&bounds, Vec3::new(0.2, 0.3, 1.0), Vec3::NEG_Y).camera(256, 192);
@@ -277,7 +281,7 @@ fn progressive_picture_ends_equal_to_its_cpu_twin() {
     );
 }
 
-/// What each way of drawing must keep equal in both twins.
+/// Draws a model on GPU and CPU and checks what each kind of drawing must keep equal.
 fn agrees(model: &Model, camera: &ViewCamera, style: &SceneStyle, what: &str) -> Vec<[u8; 4]> {
     let mut view = View::new();
     view.set_model(model.clone());
@@ -295,7 +299,7 @@ fn different(a: &[[u8; 4]], b: &[[u8; 4]]) -> usize {
     a.iter().zip(b).filter(|(a, b)| a != b).count()
 }
 
-fn lighting_clipping_projection_and_faintness_are_equal_in_both_twins() {
+fn lighting_clipping_projection_and_opacity_are_equal_on_gpu_and_cpu() {
     let cloud = Arc::new(sphere(60_000));
     let mesh = Arc::new(waves(60).split_at_labels());
     let bounds = Bounds {
@@ -343,7 +347,7 @@ fn lighting_clipping_projection_and_faintness_are_equal_in_both_twins() {
     }
 }
 
-fn pictures_stand_in_space_the_right_way_round_behind_what_is_nearer() {
+fn image_planes_are_oriented_correctly_and_hidden_by_nearer_points() {
     let mut view = View::new();
     let orbit = Orbit::framing(
         &Bounds {
@@ -353,7 +357,8 @@ fn pictures_stand_in_space_the_right_way_round_behind_what_is_nearer() {
         Vec3::Z,
         Vec3::NEG_Y,
     );
-    // Red to the left, blue below on the right, behind a grey point in the middle of the left half.
+    // Red to the left, blue at the bottom right, behind a grey point in the middle of the left
+    // half.
     let pixels = vec![[255, 0, 0], [0, 255, 0], [255, 0, 0], [0, 0, 255]];
     let image = Arc::new(Image {
         width: 2,
@@ -405,8 +410,8 @@ fn pictures_stand_in_space_the_right_way_round_behind_what_is_nearer() {
 }
 
 crate::tests! {
-    a_surface_ends_equal_to_its_cpu_twin_and_its_wires_lie_within,
-    progressive_picture_ends_equal_to_its_cpu_twin,
-    lighting_clipping_projection_and_faintness_are_equal_in_both_twins,
-    pictures_stand_in_space_the_right_way_round_behind_what_is_nearer
+    surface_equals_its_cpu_twin_and_contains_its_wires,
+    progressive_image_ends_equal_to_its_cpu_twin,
+    lighting_clipping_projection_and_opacity_are_equal_on_gpu_and_cpu,
+    image_planes_are_oriented_correctly_and_hidden_by_nearer_points
 }

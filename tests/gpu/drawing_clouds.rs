@@ -1,4 +1,4 @@
-//! Points in blocks: culling, coarse pictures, discs by the spacing around them.
+//! GPU tests of point blocks: culling, coarse images, disc sizes from the local spacing.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use ostra_view::{Axes, Bounds, Clip, Model, Orbit, SceneStyle, draw_cloud};
 
 use crate::drawing::{View, alike, by_label, drawn, read_back, scene, sphere, step};
 
-/// How many pixels show something.
+/// Returns the number of pixels that are not background.
 fn covered<const N: usize>(pixels: &[[u8; N]], style: &SceneStyle) -> usize {
     pixels
         .iter()
@@ -17,7 +17,7 @@ fn covered<const N: usize>(pixels: &[[u8; N]], style: &SceneStyle) -> usize {
         .count()
 }
 
-fn what_is_out_of_view_is_left_out_and_nothing_is_missed() {
+fn points_out_of_view_are_culled_and_no_others() {
     let cloud = Arc::new(sphere(1_000_000));
     let mut view = View::new();
     view.set_model(Model::Cloud(Arc::clone(&cloud)));
@@ -63,7 +63,7 @@ fn what_is_out_of_view_is_left_out_and_nothing_is_missed() {
     }
 }
 
-fn the_picture_stays_closed_from_the_first_coarse_one_to_the_last() {
+fn image_has_no_holes_from_the_coarsest_level_on() {
     let cloud = Arc::new(sphere(1_500_000));
     let mut orbit = Orbit::framing(
         &Bounds {
@@ -115,8 +115,10 @@ fn the_picture_stays_closed_from_the_first_coarse_one_to_the_last() {
     );
 }
 
-/// A wall that is 2 wide, its left half of 300 × 300 points with a round hole of radius 0.05 around (-0.5, 0), its right
-/// half of 60 × 60 points.
+/// Returns a wall of width 2 with two densities of points.
+///
+/// The left half has 300 × 300 points and a round hole of radius 0.05 around (-0.5, 0); the right
+/// half has 60 × 60 points.
 fn wall() -> LabelledCloud {
     let half = |side: usize, left: f32| {
         (0..side * side).map(move |i| {
@@ -129,7 +131,7 @@ fn wall() -> LabelledCloud {
     LabelledCloud::from_positions(dense.chain(half(60, 0.0)).collect())
 }
 
-fn dense_and_sparse_parts_are_both_closed_without_fat_discs() {
+fn dense_and_sparse_parts_have_no_holes_and_no_oversized_discs() {
     let cloud = Arc::new(wall());
     let orbit = Orbit::framing(
         &Bounds {
@@ -161,7 +163,7 @@ fn dense_and_sparse_parts_are_both_closed_without_fat_discs() {
         }
     };
     for picture in [cpu, gpu] {
-        // Of the pixels around a place, how many of a thousand show something.
+        // Returns how many of a thousand pixels around a position show something.
         let share = |x: f32, half: f32| {
             let [from, to] =
                 [-half, half].map(|off| camera.project(Vec3::new(x + off, off, 0.0)).unwrap().0);
@@ -193,7 +195,7 @@ fn dense_and_sparse_parts_are_both_closed_without_fat_discs() {
     }
 }
 
-fn the_old_picture_stands_until_another_cloud_is_arranged() {
+fn old_image_stays_until_the_new_cloud_is_arranged() {
     let camera = Orbit::framing(
         &Bounds {
             min: Vec3::NEG_ONE,
@@ -222,8 +224,8 @@ fn the_old_picture_stands_until_another_cloud_is_arranged() {
 }
 
 crate::tests! {
-    what_is_out_of_view_is_left_out_and_nothing_is_missed,
-    the_picture_stays_closed_from_the_first_coarse_one_to_the_last,
-    dense_and_sparse_parts_are_both_closed_without_fat_discs,
-    the_old_picture_stands_until_another_cloud_is_arranged
+    points_out_of_view_are_culled_and_no_others,
+    image_has_no_holes_from_the_coarsest_level_on,
+    dense_and_sparse_parts_have_no_holes_and_no_oversized_discs,
+    old_image_stays_until_the_new_cloud_is_arranged
 }

@@ -1,7 +1,8 @@
-//! Tests on the GPU. Without an adapter they are reported as ignored with the reason, and fail when `CI` is set.
+//! Tests on the GPU.
 //!
-//! libtest cannot ignore a test at run time, so these have a harness of their own. Tests of private items stay at their code
-//! and are marked `#[ignore = "needs a GPU adapter: …"]`.
+//! Without an adapter they are reported as ignored with the reason, and fail when `CI` is set.
+//! libtest cannot ignore a test at run time, so these tests have their own harness. Tests of
+//! private items stay next to their code and are marked `#[ignore = "needs a GPU adapter: …"]`.
 
 #![expect(clippy::unwrap_used, reason = "tests may panic")]
 
@@ -14,14 +15,14 @@ mod compute;
 mod drawing;
 mod drawing_clouds;
 
-/// The name and the function of one test.
+/// Name and function of one test.
 #[derive(Clone, Copy)]
 struct Test {
     name: &'static str,
     run: fn(),
 }
 
-/// Lists the tests of a module.
+/// Defines `tests()`, which lists the tests of a module.
 macro_rules! tests {
     ($($test:ident),+) => {
         pub fn tests() -> Vec<crate::Test> {
@@ -35,7 +36,7 @@ macro_rules! tests {
 use tests;
 
 fn main() -> ExitCode {
-    // Options of libtest that `cargo test` hands to every target but libtest_mimic does not know.
+    // `cargo test` passes this libtest option to every target, but libtest_mimic does not know it.
     let arguments = std::env::args().filter(|argument| argument != "--report-time");
     // A device that computes may not be able to draw.
     let no_device = Device::open(Software::Allowed)

@@ -1,4 +1,6 @@
-//! Points of the 3-D view: asking who voted what, and the way to the pictures and back; clicks that isolate, measure and turn.
+//! Tests of the point inspector of the 3-D view and of clicks that isolate, measure and turn.
+//!
+//! The inspector lists the voters of a point and links points to image pixels and back.
 
 use std::sync::Arc;
 
@@ -15,7 +17,7 @@ use ostra_masks::LabelId;
 
 use crate::desk::{Desk, click_at, labels, on_screen, press};
 
-/// The sample, its cloud labelled by its masks.
+/// Returns the sample desk with its cloud labelled by its masks.
 fn voted() -> Desk {
     let desk = Desk::sample();
     let masks = |frame: usize| {
@@ -51,7 +53,7 @@ fn shown(panes: Panes) -> Harness<'static, Desk> {
     desk.shown()
 }
 
-/// Waits for what is looked for in the background.
+/// Waits for the background search until `is_true`, and fails with `what` if it never is.
 fn until(harness: &mut Harness<'static, Desk>, what: &str, is_true: impl Fn(&Desk) -> bool) {
     for _ in 0..500 {
         harness.run_steps(2);
@@ -63,7 +65,7 @@ fn until(harness: &mut Harness<'static, Desk>, what: &str, is_true: impl Fn(&Des
     panic!("{what}: {:?}", labels(harness));
 }
 
-/// Where the point asked about is marked in the 3-D view.
+/// Returns where the inspected point is marked in the 3-D view.
 fn mark(harness: &Harness<'static, Desk>) -> Pos2 {
     let pane = harness.get_by_label("3-D view").rect();
     let arm = |shape: &Shape| match shape {
@@ -87,7 +89,7 @@ fn mark(harness: &Harness<'static, Desk>) -> Pos2 {
         .center()
 }
 
-/// Where a point lies in the 3-D view; nothing is asked about afterwards.
+/// Returns where a point lies in the 3-D view, and leaves no point inspected.
 fn place_of(harness: &mut Harness<'static, Desk>, point: usize) -> Pos2 {
     let cloud = harness.state().cloud.clone().unwrap();
     harness.state_mut().shell.view.asked = Some(Asked::new(&cloud, None, point));
@@ -98,7 +100,7 @@ fn place_of(harness: &mut Harness<'static, Desk>, point: usize) -> Pos2 {
     at
 }
 
-/// A point on which frames disagree and which some see without a mask, with those who see it.
+/// Returns a point on which frames disagree and which some see unlabelled, with its voters.
 fn contested(desk: &Desk) -> (usize, Vec<Voter>) {
     let (cloud, votes) = (desk.cloud.as_ref().unwrap(), desk.votes.as_ref().unwrap());
     let is_contested = |point: &usize| {
@@ -116,7 +118,7 @@ fn contested(desk: &Desk) -> (usize, Vec<Voter>) {
 }
 
 #[test]
-fn a_click_tells_who_voted_what_those_first_who_contradict() {
+fn click_lists_voters_with_contradicting_ones_first() {
     let mut harness = shown(Panes::Scene);
     let (point, voters) = contested(harness.state());
     let at = place_of(&mut harness, point);
@@ -132,7 +134,7 @@ fn a_click_tells_who_voted_what_those_first_who_contradict() {
         Some(_) => 1,
         None => 2,
     };
-    // Rows further down are scrolled to.
+    // Rows further down only appear after scrolling.
     let rows: Vec<&Voter> = voters
         .iter()
         .filter(|voter| {
@@ -150,7 +152,7 @@ fn a_click_tells_who_voted_what_those_first_who_contradict() {
     }
 }
 
-/// Where the window of the point asked about stands.
+/// Returns the rectangle of the inspector window.
 fn window(harness: &Harness<'static, Desk>) -> egui::Rect {
     let id = egui::Id::unique("point asked about");
     harness
@@ -160,7 +162,7 @@ fn window(harness: &Harness<'static, Desk>) -> egui::Rect {
 }
 
 #[test]
-fn what_is_told_of_a_point_does_not_cover_it() {
+fn inspector_does_not_cover_its_point() {
     let mut harness = shown(Panes::Scene);
     let cloud = harness.state().cloud.clone().unwrap();
     let pane = harness.get_by_label("3-D view").rect();
@@ -175,7 +177,7 @@ fn what_is_told_of_a_point_does_not_cover_it() {
         );
         assert!(pane.contains_rect(window), "{window:?} in {pane:?}");
     }
-    // It stays where the user puts it.
+    // The inspector stays where the user drags it.
     let by = egui::Vec2::new(-30.0, 40.0);
     let from = window(&harness).center_top() + egui::Vec2::new(0.0, 12.0);
     crate::desk::drag(&mut harness, from, from + by, PointerButton::Primary);
@@ -185,7 +187,7 @@ fn what_is_told_of_a_point_does_not_cover_it() {
 }
 
 #[test]
-fn a_voter_that_is_clicked_opens_its_frame_at_the_pixel() {
+fn clicking_a_voter_opens_its_frame_at_the_pixel() {
     let mut harness = shown(Panes::Scene);
     let (point, voters) = contested(harness.state());
     let (cloud, votes) = (
@@ -216,7 +218,7 @@ fn a_voter_that_is_clicked_opens_its_frame_at_the_pixel() {
 }
 
 #[test]
-fn a_place_in_a_picture_is_found_in_3d() {
+fn image_pixel_is_found_in_3d() {
     let mut harness = shown(Panes::Picture);
     let votes = harness.state().votes.clone().unwrap();
     let (point, x, y) = votes
@@ -254,7 +256,7 @@ fn a_place_in_a_picture_is_found_in_3d() {
 }
 
 #[test]
-fn a_point_stays_asked_about_while_its_votes_change_and_goes_with_the_points() {
+fn inspected_point_follows_its_votes_and_ends_with_the_cloud() {
     let mut harness = shown(Panes::Scene);
     let (cloud, votes) = (
         harness.state().cloud.clone().unwrap(),
@@ -302,7 +304,7 @@ fn clicks_isolate_measure_and_turn_about_the_point_they_hit() {
     });
     harness.state_mut().shell.view.scene.isolated = None;
     harness.state_mut().shell.view.ruler.in_hand = true;
-    // The ruler's row takes room from the view.
+    // The ruler's row makes the view smaller, so places are computed after it is shown.
     let both = [point, point + 3].map(|point| place_of(&mut harness, point));
     for (count, at) in (1..).zip(both) {
         click_at(&mut harness, at, PointerButton::Primary);
@@ -318,7 +320,7 @@ fn clicks_isolate_measure_and_turn_about_the_point_they_hit() {
     let at = place_of(&mut harness, point);
     harness.hover_at(at);
     harness.run_steps(1);
-    // Within one frame: between two, more time passes than a double click has.
+    // Both clicks fall within one frame: two frames take longer than a double click allows.
     let (button, modifiers) = (PointerButton::Primary, Modifiers::NONE);
     let press = |pressed| egui::Event::PointerButton {
         pos: at,

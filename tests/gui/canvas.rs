@@ -1,4 +1,4 @@
-//! What the pointer does on the picture.
+//! Tests of the pointer tools on the image.
 
 use egui::{Key, Modifiers, PointerButton};
 use egui_kittest::Harness;
@@ -35,7 +35,7 @@ fn paints(asked: &[Command]) -> Vec<&PaintRequest> {
         .collect()
 }
 
-/// Presses Escape with the button held, moves on and lets go.
+/// Presses Escape with the button held, moves the pointer and releases the button.
 fn escape_and_let_go(harness: &mut Harness<'_, Desk>, at: egui::Pos2) {
     press(harness, Modifiers::NONE, Key::Escape);
     harness.hover_at(at);
@@ -87,7 +87,7 @@ fn dragging_makes_a_box_and_escape_drops_it() {
 }
 
 #[test]
-fn clicks_outside_the_picture_ask_for_nothing() {
+fn clicks_outside_the_image_request_nothing() {
     let mut harness = Desk::sample().shown();
     let outside = on_screen(&harness, -0.5, 20.0);
     click_at(&mut harness, outside, PointerButton::Primary);
@@ -99,7 +99,7 @@ fn clicks_outside_the_picture_ask_for_nothing() {
 }
 
 #[test]
-fn the_first_click_of_all_makes_a_label() {
+fn first_click_creates_a_label() {
     let mut desk = Desk::sample();
     desk.project.labels = Default::default();
     desk.project.masks.clear();
@@ -115,7 +115,7 @@ fn the_first_click_of_all_makes_a_label() {
 }
 
 #[test]
-fn brush_paints_the_way_of_the_pointer_and_the_right_button_erases() {
+fn brush_paints_along_the_pointer_path_and_right_button_erases() {
     let mut harness = Desk::sample().shown();
     harness.state_mut().shell.view.tool = Tool::Brush;
     let (from, to) = (
@@ -139,7 +139,7 @@ fn brush_paints_the_way_of_the_pointer_and_the_right_button_erases() {
 }
 
 #[test]
-fn the_brush_goes_the_whole_way_of_the_pointer_while_frames_are_slow() {
+fn brush_follows_the_whole_pointer_path_while_frames_are_slow() {
     let mut harness = Desk::sample().shown();
     harness.state_mut().shell.view.tool = Tool::Brush;
     let corners = [
@@ -172,7 +172,7 @@ fn the_brush_goes_the_whole_way_of_the_pointer_while_frames_are_slow() {
 }
 
 #[test]
-fn a_tap_of_the_brush_within_one_frame_makes_a_dab() {
+fn brush_tap_within_one_frame_paints_a_dot() {
     let mut harness = Desk::sample().shown();
     harness.state_mut().shell.view.tool = Tool::Brush;
     let at = on_screen(&harness, 20.0, 10.0);
@@ -196,7 +196,7 @@ fn a_tap_of_the_brush_within_one_frame_makes_a_dab() {
 }
 
 #[test]
-fn a_stroke_ends_where_the_pointer_is_lost_and_the_next_press_begins_another() {
+fn stroke_ends_when_the_pointer_leaves_and_next_press_begins_another() {
     let mut harness = Desk::sample().shown();
     harness.state_mut().shell.view.tool = Tool::Brush;
     let (from, to) = (
@@ -223,7 +223,7 @@ fn a_stroke_ends_where_the_pointer_is_lost_and_the_next_press_begins_another() {
 }
 
 #[test]
-fn a_flick_of_the_brush_within_one_frame_is_painted_whole() {
+fn brush_stroke_within_one_frame_is_painted_whole() {
     let mut harness = Desk::sample().shown();
     harness.state_mut().shell.view.tool = Tool::Brush;
     let places = [[10.0, 10.0], [20.0, 10.0], [30.0, 10.0]].map(|[x, y]| on_screen(&harness, x, y));
@@ -236,7 +236,7 @@ fn a_flick_of_the_brush_within_one_frame_is_painted_whole() {
 }
 
 #[test]
-fn escape_drops_a_stroke_in_hand_and_none_begins_before_the_next_press() {
+fn escape_drops_the_current_stroke_until_the_next_press() {
     let mut harness = Desk::sample().shown();
     harness.state_mut().shell.view.tool = Tool::Brush;
     let (from, to) = (
@@ -256,7 +256,7 @@ fn escape_drops_a_stroke_in_hand_and_none_begins_before_the_next_press() {
 }
 
 #[test]
-fn the_brush_snaps_while_the_box_is_ticked() {
+fn brush_snaps_while_the_option_is_checked() {
     let mut harness = Desk::sample().shown();
     harness.state_mut().shell.view.tool = Tool::Brush;
     harness.run_steps(2);
@@ -293,7 +293,7 @@ fn polygon_is_filled_when_the_first_corner_is_clicked_again() {
 }
 
 #[test]
-fn a_lasso_is_filled_when_the_button_is_let_go_and_with_ctrl_the_label_is_taken_away() {
+fn lasso_fills_on_release_and_erases_with_ctrl() {
     let mut harness = Desk::sample().shown();
     press(&mut harness, Modifiers::NONE, Key::G);
     let places = [[10.0, 10.0], [30.0, 10.0], [30.0, 30.0], [10.0, 30.0]]
@@ -342,7 +342,7 @@ fn a_lasso_is_filled_when_the_button_is_let_go_and_with_ctrl_the_label_is_taken_
 }
 
 #[test]
-fn escape_drops_a_lasso_in_hand() {
+fn escape_drops_the_current_lasso() {
     let mut harness = Desk::sample().shown();
     press(&mut harness, Modifiers::NONE, Key::G);
     let (from, to) = (
@@ -358,7 +358,7 @@ fn escape_drops_a_lasso_in_hand() {
     );
 }
 
-/// The borders that were asked to be pulled.
+/// Returns the requested border moves.
 fn pulls(asked: &[Command]) -> Vec<&PullRequest> {
     asked
         .iter()
@@ -373,7 +373,7 @@ fn pulls(asked: &[Command]) -> Vec<&PullRequest> {
 }
 
 #[test]
-fn a_border_is_pulled_from_where_it_is_pressed_and_nothing_away_from_it() {
+fn drag_moves_the_pressed_border_and_does_nothing_away_from_it() {
     let mut harness = Desk::sample().shown();
     harness.state_mut().shell.view.label = Some(LabelId(2));
     let region = harness.state().project.masks[&0]
@@ -429,7 +429,7 @@ fn a_border_is_pulled_from_where_it_is_pressed_and_nothing_away_from_it() {
     );
 }
 
-/// What was asked to be traced.
+/// Returns the requested traces.
 fn traces(asked: &[Command]) -> Vec<&TraceRequest> {
     asked
         .iter()
@@ -480,8 +480,8 @@ fn thin_structure_is_traced_through_the_clicked_points_when_enter_is_pressed() {
 }
 
 #[test]
-fn one_point_of_a_thin_structure_waits_for_the_next() {
-    // Steps of 20 ms: two clicks are fast enough for a double click.
+fn trace_with_one_point_waits_for_a_second() {
+    // With steps of 20 ms, two clicks are fast enough for a double click.
     let mut harness = Desk::sample().shown_by(Harness::builder().with_step_dt(0.02));
     harness.get_by_label("Stem & wire").click();
     harness.run_steps(2);
@@ -508,7 +508,7 @@ fn one_point_of_a_thin_structure_waits_for_the_next() {
 }
 
 #[test]
-fn a_click_is_previewed_where_the_pointer_rests_unless_something_is_sent_or_it_is_turned_off() {
+fn resting_pointer_previews_a_click_unless_busy_or_disabled() {
     let mut harness = Desk::sample().shown();
     let at = on_screen(&harness, 12.5, 30.5);
     harness.hover_at(at);
@@ -583,7 +583,7 @@ fn wheel_zooms_at_the_pointer_and_zero_fits_again() {
 }
 
 #[test]
-fn middle_drag_moves_the_picture_and_asks_for_nothing() {
+fn middle_drag_pans_the_image_and_requests_nothing() {
     let mut harness = Desk::sample().shown();
     let (from, to) = (
         on_screen(&harness, 30.0, 20.0),
@@ -595,8 +595,8 @@ fn middle_drag_moves_the_picture_and_asks_for_nothing() {
 }
 
 #[test]
-fn rows_of_the_tool_bar_lie_close_together_at_any_width() {
-    /// A row and the space below it, and less than two rows.
+fn tool_bar_rows_stay_close_together_at_any_width() {
+    /// Limit of the distance between rows: above one row with its space, below two rows.
     const MOST_BETWEEN: f64 = 32.0;
     let mut harness = Desk::sample().shown();
     for width in (1000..1800).step_by(25) {

@@ -1,4 +1,4 @@
-//! A window without a session: a made-up project in front, commands collected behind.
+//! A window without a session: it shows a made-up project and collects the commands.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -28,7 +28,7 @@ use ostra_session::{
 pub const WIDTH: u32 = 64;
 pub const HEIGHT: u32 = 48;
 
-/// The window, what it looks at, and what it asked for.
+/// The window, the data it shows, and the commands it requested.
 pub struct Desk {
     pub shell: Shell,
     pub project: Project,
@@ -58,7 +58,7 @@ pub struct Desk {
 }
 
 impl Desk {
-    /// Nothing open.
+    /// Returns a desk with nothing open.
     pub fn empty() -> Self {
         Self {
             shell: Shell::new(Prefs::default(), None),
@@ -89,7 +89,7 @@ impl Desk {
         }
     }
 
-    /// Twelve frames with cameras, three labels, masks of every state, a cloud.
+    /// Returns a desk with twelve frames, cameras, three labels, masks of every state and a cloud.
     pub fn sample() -> Self {
         Self {
             project: project(),
@@ -136,7 +136,7 @@ impl Desk {
         self.asked.extend(self.shell.ui(ui, &session));
     }
 
-    /// A harness that shows this desk.
+    /// Returns a harness that shows this desk.
     pub fn shown(self) -> Harness<'static, Self> {
         self.shown_by(Harness::builder())
     }
@@ -150,7 +150,7 @@ impl Desk {
     }
 }
 
-/// Where a picture position lies on the screen while the picture fits its pane.
+/// Returns the screen position of an image position while the image fits its pane.
 pub fn on_screen(harness: &Harness<'_, Desk>, x: f32, y: f32) -> Pos2 {
     let frame = &harness.state().project.frames[harness.state().shell.view.frame];
     let pane = harness
@@ -162,12 +162,12 @@ pub fn on_screen(harness: &Harness<'_, Desk>, x: f32, y: f32) -> Pos2 {
         + (Vec2::new(x, y) - Vec2::new(frame.width as f32, frame.height as f32) / 2.0) * scale
 }
 
-/// Presses and lets go of a button, with steps between as a hand makes.
+/// Presses and releases a button, with frames between the events.
 pub fn click_at(harness: &mut Harness<'_, Desk>, at: Pos2, button: egui::PointerButton) {
     drag(harness, at, at, button);
 }
 
-/// Drags from one place to another.
+/// Drags from one position to another.
 pub fn drag(harness: &mut Harness<'_, Desk>, from: Pos2, to: Pos2, button: egui::PointerButton) {
     let press = |pos, pressed| egui::Event::PointerButton {
         pos,
@@ -189,7 +189,7 @@ pub fn drag(harness: &mut Harness<'_, Desk>, from: Pos2, to: Pos2, button: egui:
     harness.run_steps(2);
 }
 
-/// Drags from one place to another and does not let go.
+/// Drags from one position to another and keeps the button pressed.
 pub fn hold(harness: &mut Harness<'_, Desk>, from: Pos2, to: Pos2) {
     harness.hover_at(from);
     harness.drag_at(from);
@@ -198,7 +198,10 @@ pub fn hold(harness: &mut Harness<'_, Desk>, from: Pos2, to: Pos2) {
     harness.run_steps(2);
 }
 
-/// Drags along some places that the mouse tells of within one frame, as while frames are slow, and lets go within another.
+/// Drags along `places` as while frames are slow.
+///
+/// The press and the first half of the path fall into one frame, the rest and the release into the
+/// next.
 pub fn drag_fast(harness: &mut Harness<'_, Desk>, places: &[Pos2], button: egui::PointerButton) {
     let press = |pos, pressed| egui::Event::PointerButton {
         pos,
@@ -225,7 +228,9 @@ pub fn drag_fast(harness: &mut Harness<'_, Desk>, places: &[Pos2], button: egui:
     harness.run_steps(2);
 }
 
-/// Presses at the first of some places, moves along them and lets go within one frame, as who taps a touchpad.
+/// Presses at the first place, moves along the others and releases, all within one frame.
+///
+/// A tap on a touchpad sends its events like this.
 pub fn flick(harness: &mut Harness<'_, Desk>, places: &[Pos2], button: egui::PointerButton) {
     let press = |pos, pressed| egui::Event::PointerButton {
         pos,
@@ -244,13 +249,13 @@ pub fn flick(harness: &mut Harness<'_, Desk>, places: &[Pos2], button: egui::Poi
     harness.run_steps(2);
 }
 
-/// Presses a key as a keyboard does.
+/// Presses and releases a key with modifiers.
 pub fn press(harness: &mut Harness<'_, Desk>, modifiers: egui::Modifiers, key: egui::Key) {
     harness.key_press_modifiers(modifiers, key);
     harness.run_steps(2);
 }
 
-/// Labels of all nodes, for messages.
+/// Returns the labels of all nodes, for failure messages.
 pub fn labels(harness: &Harness<'_, Desk>) -> Vec<String> {
     harness
         .root()

@@ -1,4 +1,4 @@
-//! Dialogs.
+//! Tests of the dialogs.
 
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::{NodeT, Queryable};
@@ -18,7 +18,7 @@ fn type_into(harness: &mut egui_kittest::Harness<'_, Desk>, name: &str, text: &s
 }
 
 #[test]
-fn a_new_project_is_made_from_what_was_typed() {
+fn new_project_uses_the_typed_paths() {
     let mut harness = Desk::empty().shown();
     harness.get_by_label("New project…").click();
     harness.run_steps(3);
@@ -50,7 +50,7 @@ fn a_new_project_is_made_from_what_was_typed() {
 }
 
 #[test]
-fn export_writes_what_is_ticked() {
+fn export_writes_the_checked_outputs() {
     let mut harness = Desk::sample().shown();
     press(
         &mut harness,
@@ -110,7 +110,7 @@ const DIALOGS: [Dialog; 6] = [
 ];
 
 #[test]
-fn escape_closes_a_dialog_and_asks_for_nothing() {
+fn escape_closes_a_dialog_and_requests_nothing() {
     let mut harness = Desk::sample().shown();
     for dialog in DIALOGS {
         harness.state_mut().shell.view.dialog = Some(dialog);

@@ -1,4 +1,4 @@
-//! Masks that the vote contradicts, and points that are asked about.
+//! Tests of the conflicts panel and of the label of an inspected point.
 
 use std::collections::BTreeMap;
 
@@ -12,7 +12,7 @@ use ostra_session::Command;
 use crate::desk::Desk;
 
 #[test]
-fn the_worst_masks_are_listed_and_the_vote_can_be_accepted() {
+fn worst_masks_are_listed_and_the_vote_can_be_accepted() {
     let mut desk = Desk::sample();
     let doubt = |against| FrameDoubt {
         compared: 1000,
@@ -48,7 +48,7 @@ fn the_worst_masks_are_listed_and_the_vote_can_be_accepted() {
 }
 
 #[test]
-fn a_point_that_is_asked_about_tells_its_label() {
+fn inspected_point_shows_its_label() {
     let desk = Desk::sample();
     let cloud = desk.cloud.clone().unwrap();
     let mut harness = desk.shown();

@@ -1,4 +1,6 @@
-//! Opens everything once, dark and light; with `OSTRA_GALLERY=DIR` it leaves a picture of each there.
+//! Opens every part of the window in dark and light mode.
+//!
+//! With `OSTRA_GALLERY=DIR`, an image of each part is written to that folder.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -124,7 +126,7 @@ fn show(
     }
 }
 
-/// The real shelf with its true masks, where the data is; the made-up project where it is not.
+/// Returns the real shelf with its ground-truth masks, or the made-up project without data.
 fn shelf() -> Desk {
     let mut desk = Desk::sample();
     let Ok(dir) = find_data().map(|dir| dir.join("apc_shelf_rgbd_labels")) else {

@@ -1,4 +1,4 @@
-//! Labels as a tree that is changed by dragging, and instances that are looked at before they are made.
+//! Tests of the label tree, which is changed by dragging, and of the preview of instances.
 
 use std::sync::Arc;
 
@@ -28,7 +28,7 @@ fn drag(harness: &mut Harness, from: &str, to: &str) {
 }
 
 #[test]
-fn a_label_is_dragged_under_another_but_never_below_itself() {
+fn label_is_dragged_under_another_but_never_below_itself() {
     let mut harness = Desk::sample().shown();
     let pot = harness
         .state()
@@ -52,7 +52,7 @@ fn a_label_is_dragged_under_another_but_never_below_itself() {
 }
 
 #[test]
-fn instances_are_looked_at_and_then_made() {
+fn instances_are_previewed_before_they_are_created() {
     let mut harness = Desk::sample().shown();
     harness.get_by_label("More for leaf").click();
     harness.run_steps(3);
@@ -97,7 +97,7 @@ fn instances_are_looked_at_and_then_made() {
 }
 
 #[test]
-fn instances_can_be_given_up() {
+fn instance_preview_can_be_cancelled() {
     let mut harness = Desk::sample().shown();
     let request = InstancesRequest {
         label: LabelId(2),
@@ -117,7 +117,7 @@ fn instances_can_be_given_up() {
 }
 
 #[test]
-fn a_label_is_merged_into_another_or_moved_by_its_menu() {
+fn label_menu_merges_and_moves_labels() {
     let mut harness = Desk::sample().shown();
     for (menu, item) in [("Merge into", "plant"), ("Move under", "leaf")] {
         harness.get_by_label("More for pot").click();

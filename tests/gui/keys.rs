@@ -1,4 +1,4 @@
-//! Keys.
+//! Tests of the keyboard shortcuts.
 
 use std::time::Duration;
 
@@ -22,7 +22,7 @@ const CTRL: Modifiers = Modifiers {
 };
 
 #[test]
-fn digits_choose_labels_in_the_order_of_the_list() {
+fn digits_select_labels_in_list_order() {
     let mut harness = Desk::sample().shown();
     press(&mut harness, Modifiers::NONE, Key::Num3);
     assert_eq!(harness.state().shell.view.label, Some(LabelId(3)));
@@ -93,7 +93,7 @@ fn arrows_move_through_the_frames() {
 }
 
 #[test]
-fn d_goes_to_frames_that_are_stale_or_uncertain() {
+fn d_goes_to_stale_or_uncertain_frames() {
     let mut harness = Desk::sample().shown();
     press(&mut harness, Modifiers::NONE, Key::D);
     assert_eq!(harness.state().shell.view.frame, 2);
@@ -102,7 +102,7 @@ fn d_goes_to_frames_that_are_stale_or_uncertain() {
 }
 
 #[test]
-fn undo_track_and_anchor_by_key() {
+fn undo_track_and_make_keyframe_by_key() {
     let mut harness = Desk::sample().shown();
     press(&mut harness, CTRL, Key::Z);
     press(&mut harness, Modifiers::NONE, Key::ArrowRight);
@@ -123,7 +123,7 @@ fn undo_track_and_anchor_by_key() {
 }
 
 #[test]
-fn q_and_e_click_under_the_pointer() {
+fn q_and_e_click_at_the_pointer() {
     let mut harness = Desk::sample().shown();
     let at = on_screen(&harness, 30.5, 20.5);
     harness.hover_at(at);
@@ -165,7 +165,7 @@ fn shortcut_sheet_shows_no_conflicts_and_changes_keys() {
 }
 
 #[test]
-fn the_sheet_says_which_action_lost_its_keys() {
+fn shortcut_sheet_names_the_action_that_lost_its_keys() {
     let mut harness = Desk::sample().shown();
     press(&mut harness, Modifiers::SHIFT, Key::Questionmark);
     harness.get_by_label("Shortcut of Fuse: U").scroll_to_me();
@@ -186,7 +186,7 @@ fn the_sheet_says_which_action_lost_its_keys() {
 }
 
 #[test]
-fn palette_finds_and_does() {
+fn palette_finds_and_runs_actions() {
     let mut harness = Desk::sample().shown();
     press(&mut harness, CTRL, Key::P);
     harness.event(egui::Event::Text("reconstr".into()));
@@ -211,7 +211,7 @@ fn every_action_is_in_a_menu_or_has_keys() {
 }
 
 #[test]
-fn a_click_after_undo_builds_on_what_the_project_has() {
+fn click_after_undo_builds_on_the_current_prompt() {
     let mut harness = Desk::sample().shown();
     let at = on_screen(&harness, 30.5, 20.5);
     click_at(&mut harness, at, PointerButton::Primary);
@@ -228,7 +228,7 @@ fn a_click_after_undo_builds_on_what_the_project_has() {
 }
 
 #[test]
-fn a_key_shows_depth_normals_and_confidence_in_the_photos_place() {
+fn key_shows_depth_normals_and_confidence_instead_of_the_image() {
     let mut desk = Desk::sample();
     let (told, asked) = std::sync::mpsc::channel();
     desk.layers = Some(Layers::new(
@@ -256,7 +256,7 @@ fn a_key_shows_depth_normals_and_confidence_in_the_photos_place() {
     assert_eq!(shown(&harness), Layer::Photo);
 }
 
-/// A job that has run for three minutes.
+/// Returns a job that has run for three minutes.
 fn long_job() -> JobView {
     let report = ProgressReport {
         stage: "match".into(),
@@ -280,7 +280,7 @@ fn busy() -> Desk {
 }
 
 #[test]
-fn escape_stops_no_work_whatever_it_closes() {
+fn escape_never_stops_a_job() {
     let mut harness = busy().shown();
     let escape = |harness: &mut Harness<'_, Desk>, what: &str| {
         press(harness, Modifiers::NONE, Key::Escape);
@@ -325,7 +325,7 @@ fn escape_stops_no_work_whatever_it_closes() {
 }
 
 #[test]
-fn escape_that_closes_a_menu_leaves_what_is_half_made() {
+fn escape_that_closes_a_menu_keeps_the_unfinished_polygon() {
     let mut harness = busy().shown();
     press(&mut harness, Modifiers::NONE, Key::G);
     for (x, y) in [(10.0, 10.0), (30.0, 12.0), (24.0, 30.0)] {
@@ -354,7 +354,7 @@ fn escape_that_closes_a_menu_leaves_what_is_half_made() {
 }
 
 #[test]
-fn work_is_stopped_on_purpose_by_button_or_keys() {
+fn button_and_keys_stop_a_job() {
     let mut harness = busy().shown();
     press(&mut harness, CTRL, Key::Period);
     assert_eq!(harness.state().asked, [Command::Stop]);

@@ -1,4 +1,4 @@
-//! Integration tests: the window's panels, by accessible role and label.
+//! Integration tests of the window's panels, found by accessible role and label.
 
 #[cfg(test)]
 #[path = "../support/data.rs"]

@@ -1,4 +1,4 @@
-//! The window of cameras and matches.
+//! Tests of the window of cameras and matches.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use ostra_session::{Command, SparseModel};
 
 use crate::desk::{Desk, press};
 
-/// Frames 0, 1 and 3 share points, frame 2 has no camera.
+/// Returns a model in which frames 0, 1 and 3 share points and frame 2 has no camera.
 fn sparse() -> SparseModel {
     let point = |x: f64| SparsePoint {
         position: DVec3::new(x, 0.0, 0.0),
@@ -59,7 +59,7 @@ fn with_sparse() -> Desk {
 }
 
 #[test]
-fn the_window_tells_why_a_frame_has_no_camera_and_goes_to_it() {
+fn window_explains_why_a_frame_has_no_camera_and_goes_to_it() {
     let mut harness = with_sparse().shown();
     press(&mut harness, egui::Modifiers::NONE, egui::Key::F6);
     harness.get_by_label("3 of 4 frames have a camera");
@@ -77,7 +77,7 @@ fn the_window_tells_why_a_frame_has_no_camera_and_goes_to_it() {
 }
 
 #[test]
-fn two_frames_stand_beside_each_other_and_the_other_is_chosen() {
+fn two_frames_are_shown_side_by_side_and_the_second_is_selectable() {
     let mut harness = with_sparse().shown();
     press(&mut harness, egui::Modifiers::NONE, egui::Key::F6);
     harness.get_by_label("Matches of frames 0 and 1");
@@ -95,7 +95,7 @@ fn two_frames_stand_beside_each_other_and_the_other_is_chosen() {
 }
 
 #[test]
-fn the_panel_hands_out_what_was_chosen() {
+fn panel_sends_the_chosen_options() {
     let mut harness = with_sparse().shown();
     assert!(
         harness.query_by_label("Only labelled pixels").is_none(),

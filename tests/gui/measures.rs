@@ -1,4 +1,4 @@
-//! The window of measures, and the ruler.
+//! Tests of the window of measurements and of the ruler.
 
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ use ostra_session::Command;
 
 use crate::desk::{Desk, press, tree};
 
-/// A leaf of 10 × 100 mm and a pot of 40 × 40 mm, both flat.
+/// Returns the traits of a flat leaf of 10 × 100 mm and a flat pot of 40 × 40 mm.
 fn traits() -> Vec<TraitRow> {
     let patch = |width: u32, length: u32, z: f32| {
         (0..width * length)
@@ -40,7 +40,7 @@ fn shown() -> Harness<'static, Desk> {
     harness
 }
 
-/// The rows' labels from top to bottom.
+/// Returns the labels of the rows from top to bottom.
 fn order(harness: &Harness<'_, Desk>) -> Vec<String> {
     let named = |name: &&str| {
         harness
@@ -56,7 +56,7 @@ fn order(harness: &Harness<'_, Desk>) -> Vec<String> {
 }
 
 #[test]
-fn measures_are_listed_sorted_and_choose_labels() {
+fn measurements_are_listed_sorted_and_select_labels() {
     let mut harness = shown();
     assert_eq!(order(&harness), ["plant", "leaf", "pot"]);
     harness.get_by_label("Sort by Points").click();
@@ -81,7 +81,7 @@ fn measures_are_listed_sorted_and_choose_labels() {
 }
 
 #[test]
-fn a_cell_tells_how_and_from_how_many_points() {
+fn cell_tooltip_shows_definition_and_point_count() {
     let mut harness = shown();
     let area = traits()
         .into_iter()
@@ -104,7 +104,7 @@ fn a_cell_tells_how_and_from_how_many_points() {
     }
 }
 
-/// A row that tells an angle of a leaf's piece.
+/// Returns a row with the angle of one instance of the leaf.
 fn angle(instance: usize, degrees: f64) -> TraitRow {
     TraitRow {
         id: LabelId(2),
@@ -119,7 +119,7 @@ fn angle(instance: usize, degrees: f64) -> TraitRow {
     }
 }
 
-/// Chooses a label in a list.
+/// Selects a label in a list.
 fn choose(harness: &mut Harness<'_, Desk>, list: &str, label: &str) {
     harness.get_by_label(list).click();
     harness.run_steps(3);
@@ -139,7 +139,7 @@ fn choose(harness: &mut Harness<'_, Desk>, list: &str, label: &str) {
 }
 
 #[test]
-fn an_angle_between_two_chosen_labels_is_told_and_explained() {
+fn angle_between_two_chosen_labels_is_shown_and_explained() {
     let mut harness = shown();
     harness.get_by_label("Add angle").click();
     harness.run_steps(2);
@@ -207,7 +207,7 @@ fn an_angle_between_two_chosen_labels_is_told_and_explained() {
 }
 
 #[test]
-fn measures_are_exported_as_they_are_shown() {
+fn measurements_are_exported_as_shown() {
     let mut harness = shown();
     let label = GroundChoice::Label(LabelId(3));
     harness.state_mut().shell.view.measures.settings.ground = label;
@@ -231,7 +231,7 @@ fn measures_are_exported_as_they_are_shown() {
 }
 
 #[test]
-fn a_table_without_measures_says_so_and_escape_closes_it() {
+fn empty_table_says_so_and_escape_closes_it() {
     let mut harness = Desk::sample().shown();
     press(&mut harness, Modifiers::NONE, Key::F8);
     harness.get_by_label("No label has enough points to measure.");
@@ -240,7 +240,7 @@ fn a_table_without_measures_says_so_and_escape_closes_it() {
 }
 
 #[test]
-fn the_ruler_reads_lines_and_angles_and_takes_clicks_back() {
+fn ruler_measures_lines_and_angles_and_undoes_clicks() {
     let mut harness = Desk::sample().shown();
     harness.get_by_label("Ruler").click();
     harness.run_steps(2);

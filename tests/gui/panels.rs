@@ -1,4 +1,4 @@
-//! Panels around the picture.
+//! Tests of the panels around the image.
 
 use ostra_project::TrackerId;
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use ostra_session::{Command, Reason, Suggestion, Surface, TrackSettings};
 use crate::desk::{Desk, labels};
 
 #[test]
-fn empty_window_says_what_to_do_first() {
+fn empty_window_lists_recent_projects() {
     let mut desk = Desk::empty();
     desk.recent = vec!["/projects/rice".into()];
     let mut harness = desk.shown();
@@ -26,7 +26,7 @@ fn empty_window_says_what_to_do_first() {
 }
 
 #[test]
-fn filmstrip_says_the_state_of_every_frame_in_sight() {
+fn filmstrip_shows_the_state_of_every_visible_frame() {
     let mut harness = Desk::sample().shown();
     for name in [
         "Frame 0, keyframe",
@@ -46,7 +46,7 @@ fn filmstrip_says_the_state_of_every_frame_in_sight() {
 }
 
 #[test]
-fn filmstrip_of_three_thousand_frames_makes_only_those_in_sight() {
+fn filmstrip_of_three_thousand_frames_builds_only_visible_tiles() {
     let mut desk = Desk::sample();
     let frames: Vec<_> = (0..3000)
         .map(|number| desk.project.frames[number % 12].clone())
@@ -101,7 +101,7 @@ fn labels_are_added_renamed_hidden_and_removed() {
 }
 
 #[test]
-fn suggestions_unfold_as_they_arrive_and_become_labels() {
+fn suggestions_appear_as_they_arrive_and_become_labels() {
     let mut harness = Desk::sample().shown();
     assert!(harness.query_by_label("Add suggestion 1").is_none());
     let (at_px, corner) = (glam::DVec2::new(50.5, 40.5), glam::DVec2::new(45.0, 35.0));
@@ -136,7 +136,7 @@ fn suggestions_unfold_as_they_arrive_and_become_labels() {
 }
 
 #[test]
-fn a_label_with_children_cannot_be_removed() {
+fn label_with_children_cannot_be_removed() {
     let mut harness = Desk::sample().shown();
     harness.get_by_label("More for plant").click();
     harness.run_steps(3);
@@ -149,7 +149,7 @@ fn a_label_with_children_cannot_be_removed() {
 }
 
 #[test]
-fn engine_lists_say_what_is_installed() {
+fn engine_lists_show_which_engines_are_installed() {
     let mut harness = Desk::sample().shown();
     harness
         .get_by_role_and_label(egui::Role::ComboBox, "Tracker")
@@ -172,7 +172,7 @@ fn engine_lists_say_what_is_installed() {
 }
 
 #[test]
-fn masks_are_constrained_by_geometry_where_there_is_any() {
+fn geometry_check_needs_depth_and_cameras() {
     let mut harness = Desk::sample().shown();
     let name = "Check by geometry";
     assert!(
@@ -213,9 +213,9 @@ fn masks_are_constrained_by_geometry_where_there_is_any() {
 }
 
 #[test]
-fn buttons_ask_for_undo_tracking_reconstruction_and_fusion() {
+fn buttons_request_undo_tracking_reconstruction_and_fusion() {
     let mut desk = Desk::sample();
-    // All sections are in sight.
+    // Without the timeline, all sections are visible.
     desk.shell.view.prefs.timeline = false;
     let mut harness = desk.shown();
     harness.get_by_label("Undo").click();
@@ -266,7 +266,7 @@ fn one_label_is_re_tracked_around_a_corrected_frame() {
 }
 
 #[test]
-fn the_size_that_a_network_sees_can_be_chosen() {
+fn network_input_size_can_be_chosen() {
     let mut harness = Desk::sample().shown();
     assert!(
         harness.query_by_label("custom").is_none(),
@@ -335,7 +335,7 @@ fn inspecting_a_cloud_shows_only_the_3d_view_and_its_labels() {
 }
 
 #[test]
-fn a_result_with_a_surface_can_be_shown_as_mesh_wires_or_voxels() {
+fn surface_can_be_shown_as_mesh_wireframe_or_voxels() {
     assert!(
         Desk::sample()
             .shown()

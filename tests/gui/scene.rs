@@ -1,4 +1,4 @@
-//! The 3-D view: colours, light, sides, clip box, isolated labels.
+//! Tests of the 3-D view: colours, light, sides, clip box and isolated labels.
 
 use egui::{
     Color32, Event, Key, Modifiers, MouseWheelSource, MouseWheelUnit, Pos2, Shape, TouchPhase, Vec2,
@@ -27,7 +27,7 @@ fn choose(harness: &mut Harness<'static, Desk>, menu: &str, item: &str) {
 }
 
 #[test]
-fn colours_show_what_was_chosen_and_votes_only_where_they_are_known() {
+fn colours_are_selectable_and_vote_colours_need_votes() {
     let mut harness = shown();
     for (name, coloring) in [
         ("Normals", Coloring::Normals),
@@ -53,7 +53,7 @@ fn colours_show_what_was_chosen_and_votes_only_where_they_are_known() {
 }
 
 #[test]
-fn light_projection_and_background_are_set_in_one_menu_that_stays_open() {
+fn display_menu_stays_open_while_options_change() {
     let mut harness = shown();
     harness.get_by_label("Display").click();
     harness.run_steps(3);
@@ -79,7 +79,7 @@ fn light_projection_and_background_are_set_in_one_menu_that_stays_open() {
 }
 
 #[test]
-fn doubtful_points_are_shown_alone_until_a_button_shows_all_again() {
+fn uncertain_points_are_shown_alone_until_a_button_shows_all() {
     let mut harness = shown();
     harness.get_by_label("Display").click();
     harness.run_steps(3);
@@ -99,7 +99,7 @@ fn doubtful_points_are_shown_alone_until_a_button_shows_all_again() {
 }
 
 #[test]
-fn a_click_into_the_view_ends_the_turntable() {
+fn click_in_the_view_ends_the_turntable() {
     let mut harness = shown();
     press(&mut harness, Modifiers::ALT, Key::T);
     assert!(harness.state().shell.view.scene.turning);
@@ -109,7 +109,7 @@ fn a_click_into_the_view_ends_the_turntable() {
 }
 
 #[test]
-fn a_clip_box_and_a_slice_are_set_and_taken_away() {
+fn clip_box_and_slice_are_set_and_removed() {
     let mut harness = shown();
     harness.get_by_label("Clip").click();
     harness.run_steps(3);
@@ -135,7 +135,7 @@ fn a_clip_box_and_a_slice_are_set_and_taken_away() {
 }
 
 #[test]
-fn alt_click_on_a_label_isolates_it_and_a_button_shows_all_again() {
+fn alt_click_on_a_label_isolates_it_until_a_button_shows_all() {
     let mut harness = shown();
     assert!(harness.query_by_label("Show all labels").is_none());
     harness.get_by_label("leaf").click_modifiers(Modifiers::ALT);
@@ -147,7 +147,7 @@ fn alt_click_on_a_label_isolates_it_and_a_button_shows_all_again() {
 }
 
 #[test]
-fn who_looks_through_a_camera_follows_the_frames_until_the_view_is_moved() {
+fn view_through_a_camera_follows_the_frames_until_moved() {
     let mut harness = shown();
     assert!(harness.query_by_label("Opacity of the image").is_none());
     press(&mut harness, Modifiers::NONE, Key::L);
@@ -175,7 +175,7 @@ fn who_looks_through_a_camera_follows_the_frames_until_the_view_is_moved() {
     );
 }
 
-/// The lines of the cross at the point asked about, of this colour.
+/// Returns the lines of this colour in the cross at the inspected point.
 fn cross(harness: &Harness<'static, Desk>, color: Color32) -> Vec<[Pos2; 2]> {
     let line = |shape: &Shape| match shape {
         Shape::LineSegment { points, stroke } if stroke.color == color => Some(*points),
@@ -190,7 +190,7 @@ fn cross(harness: &Harness<'static, Desk>, color: Color32) -> Vec<[Pos2; 2]> {
 }
 
 #[test]
-fn the_point_asked_about_is_marked_as_large_from_near_as_from_far() {
+fn mark_of_the_inspected_point_has_the_same_size_near_and_far() {
     let mut harness = shown();
     let cloud = harness.state().cloud.clone().unwrap();
     harness.state_mut().shell.view.asked = Some(Asked::new(&cloud, None, cloud.len() / 2));
@@ -232,7 +232,7 @@ fn the_point_asked_about_is_marked_as_large_from_near_as_from_far() {
 }
 
 #[test]
-fn the_point_under_the_resting_pointer_tells_its_label() {
+fn resting_pointer_shows_the_label_of_the_point() {
     const TIP: &str = "90 % of the votes";
     let mut harness = shown();
     let cloud = harness.state().cloud.clone().unwrap();
@@ -286,7 +286,7 @@ fn the_point_under_the_resting_pointer_tells_its_label() {
 }
 
 #[test]
-fn the_view_and_what_was_measured_follow_a_scale() {
+fn view_and_measurements_follow_a_change_of_scale() {
     let mut harness = shown();
     let before = harness.state().shell.orbit().unwrap();
     let desk = harness.state_mut();
@@ -297,7 +297,7 @@ fn the_view_and_what_was_measured_follow_a_scale() {
         offset: 0.8,
     };
     desk.shell.view.fuse.voxel = Some(0.02);
-    // As the window does when the frames of the project say that everything was scaled.
+    // The window does this when the frames of the project report a change of scale.
     let mut cloud = ostra_cloud::LabelledCloud::clone(desk.cloud.as_ref().unwrap());
     cloud.scale_by(0.25);
     desk.cloud = Some(std::sync::Arc::new(cloud));

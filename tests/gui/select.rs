@@ -1,4 +1,4 @@
-//! Points chosen in the 3-D view and corrected.
+//! Tests of point selection and correction in the 3-D view.
 
 use std::sync::Arc;
 
@@ -22,12 +22,12 @@ fn desk() -> Harness<'static, Desk> {
     .shown()
 }
 
-/// The middle of the 3-D view.
+/// Returns the middle of the 3-D view.
 fn middle(harness: &Harness<'_, Desk>) -> Pos2 {
     harness.get_by_label("3-D view").rect().center()
 }
 
-/// Draws along some places with the primary button.
+/// Draws along `places` with the primary button.
 fn draw(harness: &mut Harness<'_, Desk>, places: &[Pos2], modifiers: Modifiers) {
     let button = |pos, pressed| Event::PointerButton {
         pos,
@@ -52,7 +52,7 @@ fn around(middle: Pos2, reach: f32) -> [Pos2; 4] {
         .map(|(x, y)| middle + egui::vec2(x, y) * reach)
 }
 
-/// What a session would find.
+/// Returns the selection that a session would find.
 fn find(harness: &mut Harness<'_, Desk>) -> Arc<Selection> {
     let desk = harness.state_mut();
     let selector = Selector::new(desk.cloud.clone().unwrap()).unwrap();
@@ -72,7 +72,7 @@ fn steps(harness: &Harness<'_, Desk>) -> Vec<SelectStep> {
 }
 
 #[test]
-fn a_lasso_through_the_pane_asks_for_the_correction() {
+fn lasso_in_the_view_requests_the_correction() {
     let mut harness = desk();
     assert!(harness.query_by_label("Lasso").is_none());
     harness.get_by_label("Select").click();
@@ -127,7 +127,7 @@ fn a_lasso_through_the_pane_asks_for_the_correction() {
 }
 
 #[test]
-fn a_lasso_keeps_its_shape_while_frames_are_slow() {
+fn lasso_keeps_its_shape_while_frames_are_slow() {
     let mut harness = desk();
     press(&mut harness, Modifiers::SHIFT, Key::S);
     let at = middle(&harness);
@@ -150,7 +150,7 @@ fn a_lasso_keeps_its_shape_while_frames_are_slow() {
 }
 
 #[test]
-fn nothing_is_looked_for_once_the_cloud_is_gone() {
+fn selection_ends_when_the_cloud_is_removed() {
     let mut harness = desk();
     press(&mut harness, Modifiers::SHIFT, Key::S);
     let at = middle(&harness);
@@ -168,7 +168,7 @@ fn nothing_is_looked_for_once_the_cloud_is_gone() {
 }
 
 #[test]
-fn modifiers_add_and_take_out_and_esc_goes_back_step_by_step() {
+fn modifiers_add_and_subtract_and_escape_undoes_step_by_step() {
     let mut harness = desk();
     press(&mut harness, Modifiers::SHIFT, Key::S);
     let at = middle(&harness);
@@ -210,7 +210,7 @@ fn modifiers_add_and_take_out_and_esc_goes_back_step_by_step() {
 }
 
 #[test]
-fn a_choice_grows_and_is_split_and_cleared() {
+fn selection_grows_and_is_split_and_cleared() {
     let mut harness = desk();
     press(&mut harness, Modifiers::SHIFT, Key::S);
     let at = middle(&harness);
@@ -253,7 +253,7 @@ fn a_choice_grows_and_is_split_and_cleared() {
 }
 
 #[test]
-fn hanging_pieces_are_adopted_where_it_is_known_who_voted() {
+fn loose_fragments_are_attached_only_with_known_votes() {
     let asked = |mut harness: Harness<'_, Desk>| {
         press(
             &mut harness,

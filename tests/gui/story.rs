@@ -1,4 +1,4 @@
-//! The window with a real session behind it.
+//! Tests of the window with a real session behind it.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -44,7 +44,7 @@ fn inner(harness: &mut Shown) -> &mut Window {
     harness.state_mut().as_mut().unwrap()
 }
 
-/// Lets the window live until something is true.
+/// Runs the window until `is_true`, and fails with `what` after 30 s.
 fn until(harness: &mut Shown, what: &str, mut is_true: impl FnMut(&mut Shown) -> bool) {
     let begun = Instant::now();
     while !is_true(harness) {
@@ -58,7 +58,7 @@ fn until(harness: &mut Shown, what: &str, mut is_true: impl FnMut(&mut Shown) ->
     harness.run_steps(2);
 }
 
-/// Three pictures: a bright square on a dark ground.
+/// Writes three images of a bright square on a dark ground.
 fn pictures(dir: &Path) {
     for number in 0..3_u32 {
         let square = |x: u32, y: u32| (30..60).contains(&(x - number * 3)) && (20..50).contains(&y);
@@ -98,7 +98,7 @@ fn open(harness: &mut Shown, dir: &Path) {
 }
 
 #[test]
-fn a_click_makes_an_anchor_and_undo_takes_it_back() {
+fn click_makes_a_keyframe_and_undo_removes_it() {
     let dir = tempfile::tempdir().unwrap();
     let mut harness = window();
     open(&mut harness, dir.path());
@@ -152,7 +152,7 @@ fn a_click_makes_an_anchor_and_undo_takes_it_back() {
     assert_eq!(note(&mut harness), format!("Redone: {title}"));
 }
 
-/// A project of the made scene with its true masks, fused.
+/// Creates and fuses a project of the synthetic scene with its ground-truth masks.
 fn fused(dir: &Path) -> std::path::PathBuf {
     let options = SceneOptions {
         views: 3,
@@ -197,7 +197,7 @@ fn fused(dir: &Path) -> std::path::PathBuf {
 }
 
 #[test]
-fn the_cloud_in_the_window_follows_its_masks() {
+fn cloud_in_the_window_follows_its_masks() {
     let dir = tempfile::tempdir().unwrap();
     let root = fused(dir.path());
     let mut harness = window();
@@ -231,7 +231,7 @@ fn the_cloud_in_the_window_follows_its_masks() {
 }
 
 #[test]
-fn another_take_gives_the_file_another_ending() {
+fn changing_image_to_video_changes_the_file_extension() {
     let mut harness = window();
     inner(&mut harness).shell().view.dialog = Some(Dialog::Picture);
     harness.run_steps(4);
@@ -255,7 +255,7 @@ fn another_take_gives_the_file_another_ending() {
 }
 
 #[test]
-fn what_cannot_be_opened_is_told_once_with_what_to_do() {
+fn open_error_is_shown_once_with_the_path() {
     let mut harness = window();
     inner(&mut harness).act(Command::Open("/nowhere/at/all".into()));
     until(&mut harness, "an error is shown", |harness| {
@@ -271,7 +271,7 @@ fn what_cannot_be_opened_is_told_once_with_what_to_do() {
 }
 
 #[test]
-fn closing_brings_the_first_page_back() {
+fn closing_returns_to_the_start_page() {
     let dir = tempfile::tempdir().unwrap();
     let mut harness = window();
     open(&mut harness, dir.path());
@@ -282,7 +282,7 @@ fn closing_brings_the_first_page_back() {
     assert!(harness.query_by_label("New project…").is_some());
 }
 
-/// Fills in the dialog for pictures; the file named last is written.
+/// Fills in the image dialog, saves, and waits until the file at `path` exists.
 fn write_picture(harness: &mut Shown, field: &str, path: &Path) {
     harness.get_by_label(field).focus();
     harness.run_steps(2);
@@ -293,7 +293,7 @@ fn write_picture(harness: &mut Shown, field: &str, path: &Path) {
 }
 
 #[test]
-fn what_the_scene_view_shows_is_written_as_a_picture_of_any_size() {
+fn scene_view_is_saved_as_an_image_of_any_size() {
     let dir = tempfile::tempdir().unwrap();
     let (ply, png) = (dir.path().join("cloud.ply"), dir.path().join("seen.png"));
     let plane = (0..10_000).map(|k| Vec3::new((k % 100) as f32, (k / 100) as f32, 0.0) * 0.01);

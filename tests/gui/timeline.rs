@@ -1,4 +1,4 @@
-//! The grid of labels and frames, the heat strip, and changes over a range.
+//! Tests of the grid of labels and frames, the heat strip, and changes over a range.
 
 use egui::{Key, Modifiers, PointerButton, Pos2, Vec2};
 use egui_kittest::Harness;
@@ -15,7 +15,7 @@ const LEAF: LabelId = LabelId(2);
 const SHIFT: Modifiers = Modifiers::SHIFT;
 const NONE: Modifiers = Modifiers::NONE;
 
-/// The middle of a frame's cell in the row of a label.
+/// Returns the middle of a frame's cell in the row of a label.
 fn cell(harness: &Harness<'_, Desk>, label: &str, frame: usize) -> Pos2 {
     let rect = harness.get_by_label(&format!("Timeline of {label}")).rect();
     let (left, width) = (rect.left() + 120.0, (rect.width() - 120.0) / 12.0);
@@ -36,7 +36,7 @@ fn with_leaf() -> Harness<'static, Desk> {
 }
 
 #[test]
-fn a_drag_over_cells_chooses_what_a_button_deletes() {
+fn button_deletes_the_label_in_the_dragged_range() {
     let mut harness = Desk::sample().shown();
     let (from, to) = (cell(&harness, "leaf", 7), cell(&harness, "leaf", 3));
     drag(&mut harness, from, to, PointerButton::Primary);
@@ -53,7 +53,7 @@ fn a_drag_over_cells_chooses_what_a_button_deletes() {
 }
 
 #[test]
-fn a_click_goes_to_label_and_frame_and_drops_the_range() {
+fn click_goes_to_label_and_frame_and_drops_the_range() {
     let mut harness = with_leaf();
     harness.state_mut().shell.view.range = Some((2, 4));
     let at = cell(&harness, "pot", 5);
@@ -66,7 +66,7 @@ fn a_click_goes_to_label_and_frame_and_drops_the_range() {
 }
 
 #[test]
-fn the_range_is_set_and_changed_by_keys_alone() {
+fn range_is_set_and_changed_by_keys_alone() {
     let mut harness = with_leaf();
     press(&mut harness, NONE, Key::ArrowRight);
     press(&mut harness, NONE, Key::I);
@@ -99,7 +99,7 @@ fn the_range_is_set_and_changed_by_keys_alone() {
 }
 
 #[test]
-fn a_label_appears_here_and_is_gone_from_here() {
+fn keys_delete_a_label_before_or_from_this_frame() {
     let mut harness = with_leaf();
     harness.state_mut().shell.view.go_to(5);
     press(&mut harness, NONE, Key::Comma);
@@ -118,7 +118,7 @@ fn a_label_appears_here_and_is_gone_from_here() {
 }
 
 #[test]
-fn a_merge_asks_for_the_other_label_and_a_key_chooses_it() {
+fn merge_asks_for_the_other_label_and_a_key_chooses_it() {
     let mut harness = with_leaf();
     press(&mut harness, NONE, Key::J);
     assert!(matches!(
@@ -139,7 +139,7 @@ fn a_merge_asks_for_the_other_label_and_a_key_chooses_it() {
 }
 
 #[test]
-fn the_piece_under_the_pointer_is_split_off() {
+fn fragment_under_the_pointer_is_split_off() {
     let mut harness = with_leaf();
     let at = on_screen(&harness, 30.0, 20.0);
     harness.hover_at(at);
@@ -162,7 +162,7 @@ fn the_piece_under_the_pointer_is_split_off() {
 }
 
 #[test]
-fn a_mask_is_copied_from_frame_to_frame() {
+fn mask_is_copied_from_frame_to_frame() {
     let mut harness = with_leaf();
     press(&mut harness, SHIFT, Key::C);
     press(&mut harness, NONE, Key::End);
@@ -175,7 +175,7 @@ fn a_mask_is_copied_from_frame_to_frame() {
 }
 
 #[test]
-fn the_heat_strip_leads_to_its_frame() {
+fn click_on_the_heat_strip_goes_to_its_frame() {
     let mut harness = Desk::sample().shown();
     let strip = harness.get_by_label("Confidence over frames").rect();
     let at = strip.left_center() + Vec2::new(strip.width() * 5.5 / 12.0, 0.0);
@@ -184,7 +184,7 @@ fn the_heat_strip_leads_to_its_frame() {
 }
 
 #[test]
-fn a_label_that_was_lost_is_a_frame_to_check() {
+fn frame_where_a_label_is_lost_is_a_frame_to_check() {
     let mut harness = with_leaf();
     let project = &mut harness.state_mut().project;
     let seen = project.masks[&1].clone();

@@ -1,4 +1,4 @@
-//! Looking for things by words.
+//! Tests of finding objects by text.
 
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::DVec2;
@@ -8,7 +8,7 @@ use ostra_session::{Command, EngineKind, FoundThing, GroundRequest, Grounding, T
 
 use crate::desk::Desk;
 
-/// A desk where a grounder is installed, or none is.
+/// Returns a desk with or without an installed grounder.
 fn desk(installed: bool) -> Desk {
     let mut desk = Desk::sample();
     for engine in desk
@@ -22,7 +22,7 @@ fn desk(installed: bool) -> Desk {
 }
 
 #[test]
-fn without_a_network_there_is_nothing_to_type_into() {
+fn text_field_is_disabled_without_a_network() {
     let harness = desk(false).shown();
     assert!(
         harness
@@ -33,7 +33,7 @@ fn without_a_network_there_is_nothing_to_type_into() {
 }
 
 #[test]
-fn what_words_found_is_taken_one_by_one_or_all_at_once() {
+fn found_objects_are_taken_one_by_one_or_all_at_once() {
     let mut harness = desk(true).shown();
     harness.get_by_label("Text to find").focus();
     harness.run_steps(2);

@@ -1,16 +1,16 @@
-//! Rules for `src/` that Cargo and clippy cannot check.
+//! Checks the rules for `src/` that Cargo and clippy cannot check.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Word → folders or files that may say it.
+/// Identifiers, and the folders or files that may contain them.
 const WORDS: &[(&str, &[&str])] = &[
     ("println!", &["cli/"]),
     ("eprintln!", &["cli/"]),
     ("print!", &["cli/"]),
     ("process::exit", &["cli/"]),
     ("ExitCode", &["cli/", "main.rs"]),
-    // Stereo without a graphics card must not need the modules of its GPU twin.
+    // CPU stereo must not depend on the modules of its GPU twin.
     (
         "ostra_compute::gpu",
         &[
@@ -22,7 +22,7 @@ const WORDS: &[(&str, &[&str])] = &[
     ),
 ];
 
-/// Words that geometry, being pure, must not say.
+/// Identifiers that geometry must not contain, because it has no side effects.
 const IMPURE: &[&str] = &[
     "std::fs",
     "std::thread",
@@ -35,13 +35,13 @@ const IMPURE: &[&str] = &[
     "ostra_core::programs",
 ];
 
-/// The part of geometry that shares rayon's pool; its result is the same for any number of threads.
+/// The part of geometry that uses rayon's pool; its result is the same for any number of threads.
 const POOLED: &str = "geometry/bundle/";
 
 struct Source {
-    /// Path below `src/`, with `/`.
+    /// Path below `src/`, separated by `/`.
     path: String,
-    /// Without comments and test modules.
+    /// Code without comments and test modules.
     code: String,
     lines: usize,
 }
@@ -84,7 +84,7 @@ fn sources() -> Vec<Source> {
     found
 }
 
-/// Whether the module, or a folder it lies in, is declared under `#[cfg(test)]`.
+/// Returns whether the module, or a folder that contains it, is declared under `#[cfg(test)]`.
 fn is_test_module(path: &Path) -> bool {
     let named = |path: &Path| {
         path.file_stem()
@@ -108,7 +108,7 @@ fn is_test_module(path: &Path) -> bool {
         })
 }
 
-/// The code without comment lines.
+/// Returns the code without comment lines.
 fn without_comments(text: &str) -> String {
     text.lines()
         .filter(|line| !line.trim_start().starts_with("//"))
@@ -117,7 +117,7 @@ fn without_comments(text: &str) -> String {
 }
 
 #[test]
-fn words_stay_where_they_belong() {
+fn identifiers_stay_in_their_modules() {
     let mut wrong = Vec::new();
     for source in sources() {
         for (word, homes) in WORDS {
@@ -155,7 +155,7 @@ fn files_are_short() {
 }
 
 #[test]
-fn module_roots_hold_documentation_and_declarations_alone() {
+fn module_roots_hold_only_documentation_and_declarations() {
     let is_root = |source: &&Source| {
         ["mod.rs", "lib.rs"]
             .iter()
@@ -178,7 +178,9 @@ fn module_roots_hold_documentation_and_declarations_alone() {
     }
 }
 
-/// A file in a folder `shaders` is a module; a folder below one holds the parts of a module.
+/// Returns the path and text of every shader module.
+///
+/// A file in a folder `shaders` is a module; a subfolder holds the parts of one module.
 fn shaders() -> Vec<(String, String)> {
     let mut found = Vec::new();
     let mut folders = vec![src()];
@@ -232,7 +234,9 @@ fn every_shader_is_valid() {
     }
 }
 
-/// Whether a licence expression of Cargo is met by allowed licences: `OR` (also written `/`) of `AND`s, with parentheses.
+/// Returns whether a licence expression of Cargo is met by allowed licences.
+///
+/// An expression is an `OR` (also written `/`) of `AND`s, with parentheses.
 fn is_allowed(expression: &str, allowed: &BTreeSet<&str>) -> bool {
     let text = expression
         .replace('/', " OR ")
@@ -274,7 +278,7 @@ fn all_of<'w, 'a>(words: &'a [&'w str], allowed: &BTreeSet<&str>) -> (bool, &'a 
     (met, rest)
 }
 
-/// `cargo deny` also looks for advisories, for which it needs the network; licences and sources are known here.
+/// Checks licences and sources without `cargo deny`, which also checks advisories over the network.
 #[test]
 fn dependencies_have_allowed_licences_and_come_from_the_registry() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

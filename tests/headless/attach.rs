@@ -1,5 +1,6 @@
-//! A loose fragment of the cloud is attached to the label it touches, by the command line. The accuracy tests do the same with
-//! a leaf of the synthetic plant.
+//! Attaches a loose fragment of the cloud to the label it touches, by the command line.
+//!
+//! The accuracy tests do the same with a leaf of the synthetic plant.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -16,7 +17,7 @@ use crate::session::perform;
 fn opened(root: &str) -> Session {
     let mut session = Session::new();
     perform(&mut session, Command::Open(Path::new(root).into())).unwrap();
-    // The cloud is loaded when it is asked for.
+    // The first request starts to load the cloud.
     let _ = session.cloud();
     session.settle(|_| ControlFlow::Continue(()));
     session
@@ -28,7 +29,7 @@ fn count(session: &Session, label: LabelId) -> usize {
 }
 
 #[test]
-fn a_corner_that_no_mask_has_is_attached_to_its_label() {
+fn corner_without_a_mask_is_attached_to_its_label() {
     let recording = Recording::new();
     let root = recording.project();
     done(&["label", &root, "thing"]);

@@ -1,4 +1,4 @@
-//! The program as a process: what scripts depend on.
+//! Tests of the program as a process: the behaviour that scripts depend on.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use super::recording::Recording;
 use crate::program::{contents, done, ostra, refused};
 
 #[test]
-fn the_whole_way_on_the_command_line() {
+fn complete_workflow_runs_on_the_command_line() {
     let recording = Recording::new();
     let project = recording.project();
     done(&["label", &project, "thing", "--color", "#d02818"]);
@@ -91,7 +91,7 @@ fn the_whole_way_on_the_command_line() {
     );
 }
 
-/// Colours and labels of the project's cloud and of its mesh's vertices.
+/// Returns the colours and labels of the project's cloud and of its mesh's vertices.
 fn fused(project: &str) -> [(Vec<[u8; 3]>, Vec<LabelId>); 2] {
     let of = |file: &str| {
         read_ply(&Path::new(project).join(file), &Progress::default())
@@ -104,7 +104,7 @@ fn fused(project: &str) -> [(Vec<[u8; 3]>, Vec<LabelId>); 2] {
 }
 
 #[test]
-fn after_a_correction_only_masks_vote_and_what_comes_is_what_all_anew_gives() {
+fn fusion_after_a_correction_only_votes_again_and_equals_a_full_fusion() {
     let recording = Recording::new();
     let project = recording.project();
     done(&["label", &project, "thing"]);
@@ -115,7 +115,7 @@ fn after_a_correction_only_masks_vote_and_what_comes_is_what_all_anew_gives() {
     done(&["fuse", &project, "--voxel", "0.01"]);
     let first = fused(&project);
 
-    // A point's colour is made from pictures alone: if it stays what we make it, no picture was read.
+    // A point's colour is computed from images only: if this change survives, no image was read.
     let versions = Path::new(&project).join("versions");
     let file = std::fs::read_dir(versions)
         .unwrap()
@@ -141,7 +141,7 @@ fn after_a_correction_only_masks_vote_and_what_comes_is_what_all_anew_gives() {
         "other masks, other labels"
     );
 
-    // A depth file that was written again may be another one: points are made anew.
+    // A depth file with a new time stamp may have new content, so all points are computed again.
     let depth = std::fs::File::options()
         .append(true)
         .open(recording.path("depth/2.png"))
@@ -161,7 +161,7 @@ fn after_a_correction_only_masks_vote_and_what_comes_is_what_all_anew_gives() {
 }
 
 #[test]
-fn a_prompt_sets_what_is_given_and_an_anchor_is_not_overwritten() {
+fn prompt_sets_only_given_fields_and_keyframes_are_not_overwritten() {
     let recording = Recording::new();
     let project = recording.project();
     done(&["label", &project, "thing"]);
@@ -179,14 +179,14 @@ fn a_prompt_sets_what_is_given_and_an_anchor_is_not_overwritten() {
     );
 }
 
-/// The label numbers of a frame's mask as it lies in the project.
+/// Returns the label ids of a frame's mask as stored in the project.
 fn ids(project: &str, frame: u32) -> Vec<u8> {
     let mask = read_palette_png(&Path::new(project).join(format!("masks/{frame}.png"))).unwrap();
     mask.ids.iter().map(|id| id.0 as u8).collect()
 }
 
 #[test]
-fn a_thin_thing_is_traced_through_two_points_and_one_is_not_enough() {
+fn thin_structure_is_traced_through_at_least_two_points() {
     let recording = Recording::new();
     let project = recording.project();
     done(&["label", &project, "thing"]);
@@ -293,7 +293,7 @@ fn holes_are_filled_and_islands_removed() {
     );
 }
 
-/// Writes a mask file in which `thing` (1) and `wall` (2) are given as columns of the rows 14 to 33.
+/// Writes a mask file with `thing` (1) and `wall` (2) in the given columns of rows 14 to 33.
 fn write_mask(folder: &str, frame: u32, thing: std::ops::Range<u32>, wall: std::ops::Range<u32>) {
     std::fs::create_dir_all(folder).unwrap();
     let mask = GrayImage::from_fn(64, 48, |x, y| match (14..34).contains(&y) {
@@ -309,7 +309,7 @@ fn write_mask(folder: &str, frame: u32, thing: std::ops::Range<u32>, wall: std::
     clippy::too_many_lines,
     reason = "under 80 lines before rustfmt's defaults; to be split"
 )]
-fn one_label_is_tracked_anew_and_the_others_stay() {
+fn one_label_is_tracked_again_and_the_others_stay() {
     let recording = Recording::new();
     let project = recording.project();
     done(&["label", &project, "thing"]);
@@ -334,7 +334,7 @@ fn one_label_is_tracked_anew_and_the_others_stay() {
     };
     import("first", 1, 12..26, 36..56);
     done(&["track", &project]);
-    // The anchor is corrected in both labels, one of them is tracked anew on one frame.
+    // The keyframe is corrected in both labels, and one of them is tracked again on one frame.
     import("corrected", 1, 12..20, 36..42);
     let (before, walls) = (bytes(), [0, 2, 3].map(|k| region(k, 2)));
     done(&[
@@ -359,7 +359,7 @@ fn one_label_is_tracked_anew_and_the_others_stay() {
         "the tracker would have made both smaller: {areas:?}"
     );
 
-    // Around the anchor: all frames.
+    // Around the keyframe: all frames.
     done(&["track", &project, "--label", "thing", "--around", "1"]);
     assert_eq!([0, 2, 3].map(|k| region(k, 2)), walls);
     assert!(
@@ -373,7 +373,7 @@ fn one_label_is_tracked_anew_and_the_others_stay() {
         "the same answer"
     );
 
-    // What the anchor gives to the thing is taken from the wall only on request.
+    // The thing takes pixels from the wall only on request.
     import("over", 1, 12..48, 0..0);
     done(&["track", &project, "--label", "thing", "--around", "1"]);
     assert_eq!([0, 2, 3].map(|k| region(k, 2)), walls);
@@ -412,7 +412,7 @@ fn one_label_is_tracked_anew_and_the_others_stay() {
 }
 
 #[test]
-fn a_robot_user_counts_the_clicks_that_tracking_saves() {
+fn simulated_user_counts_the_clicks_that_tracking_saves() {
     let recording = Recording::new();
     let (project, truth) = (recording.project(), recording.truth());
     let before = contents(Path::new(&project));
@@ -472,7 +472,7 @@ fn a_robot_user_counts_the_clicks_that_tracking_saves() {
 }
 
 #[test]
-fn what_comes_later_says_what_it_needs() {
+fn missing_requirements_are_named_in_the_error() {
     let recording = Recording::new();
     let project = recording.project();
     assert!(refused(&["ground", &project, "--frame", "0", "--text", "thing"]).contains("network"));
@@ -504,7 +504,7 @@ fn what_comes_later_says_what_it_needs() {
 }
 
 #[test]
-fn an_option_that_a_score_has_no_use_for_is_refused() {
+fn score_refuses_options_without_effect() {
     let score = |of: &str, option: &[&str]| {
         refused(
             &[
@@ -541,7 +541,7 @@ fn an_option_that_a_score_has_no_use_for_is_refused() {
 }
 
 #[test]
-fn broken_input_is_one_line_and_changes_nothing() {
+fn broken_input_gives_one_error_line_and_changes_nothing() {
     let recording = Recording::new();
     let [color, depth, sparse] = ["color", "depth", "sparse"].map(|name| recording.path(name));
     let project = recording.path("broken");
@@ -593,7 +593,7 @@ fn broken_input_is_one_line_and_changes_nothing() {
 }
 
 #[test]
-fn a_project_is_as_before_after_a_refusal() {
+fn refused_command_leaves_the_project_unchanged() {
     let recording = Recording::new();
     let project = recording.project();
     done(&["label", &project, "thing"]);
@@ -634,7 +634,7 @@ fn a_project_is_as_before_after_a_refusal() {
 }
 
 #[test]
-fn a_recipe_makes_an_equal_project() {
+fn recipe_makes_an_equal_project() {
     let recording = Recording::new();
     let by_hand = recording.project();
     done(&["label", &by_hand, "thing"]);
@@ -666,7 +666,7 @@ fn a_recipe_makes_an_equal_project() {
         info
     };
     assert_eq!(info(&by_hand), info(&by_recipe));
-    // What four calls did is kept as one recipe too.
+    // The steps of the four calls are kept as one recipe, too.
     let again = recording.path("again");
     let kept = std::fs::read_to_string(Path::new(&by_hand).join("recipe.jsonl")).unwrap();
     let mut commands: Vec<Value> = kept

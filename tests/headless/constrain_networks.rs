@@ -1,5 +1,7 @@
-//! XMem and DeAOT held against geometry on a made recording. Their networks are small and of random weights, so that what
-//! they answer is wrong nearly everywhere: what is right is geometry's.
+//! XMem and DeAOT with the geometric consistency check on a synthetic recording.
+//!
+//! The networks are small and have random weights, so their own results are wrong nearly
+//! everywhere: correct results come from geometry.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -21,14 +23,14 @@ use ostra_tracking::{
 
 use crate::session::perform;
 
-/// A plant seen from 8 places, with depth, cameras and true masks of its classes.
+/// A plant seen from 8 places, with depth, cameras and ground-truth masks of its classes.
 struct Recording {
     session: Session,
     truth: Vec<Arc<LabelMask>>,
     _folder: tempfile::TempDir,
 }
 
-/// The frame whose true mask is given.
+/// Keyframe, whose ground-truth mask is given.
 const ANCHOR: usize = 0;
 
 impl Recording {
@@ -89,7 +91,7 @@ impl Recording {
         }
     }
 
-    /// Mean IoU over the frames without the anchor, and what was told.
+    /// Returns the mean IoU over the frames without the keyframe, and the tracker's report.
     fn tracked(&self, tracker: &dyn Tracker) -> (f64, String) {
         let mut masks = BTreeMap::new();
         let mut take = |tracked: TrackedFrame| drop(masks.insert(tracked.frame, tracked.mask));
@@ -122,7 +124,7 @@ impl Recording {
     }
 }
 
-/// A tracker that notes the frames that each of its runs begins from.
+/// A tracker that records the frames each of its runs starts from.
 struct Noting<T> {
     tracker: Arc<T>,
     begun: Arc<Mutex<Vec<Vec<usize>>>>,
@@ -147,7 +149,7 @@ impl<T: Tracker> Tracker for Noting<T> {
     }
 }
 
-/// Networks of a folder of fixtures.
+/// Loads the networks of a folder of fixtures.
 fn networks<const N: usize>(name: &str, parts: [&str; N]) -> [Network; N] {
     let runtime = Runtime::find().unwrap();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -184,7 +186,7 @@ fn gains_by_geometry<T: Tracker + 'static>(tracker: T) {
         tracker.name()
     );
     assert!(free < 0.3, "random weights know nothing: J {free:.3}");
-    // Where geometry abstains, as in what no anchor sees, the tracker's answer stands.
+    // Where geometry has no evidence, as in regions no keyframe sees, the tracker's result stays.
     assert!(
         held > free + 0.4 && held > 0.6 * geometry,
         "J {free:.3}, constrained {held:.3}, geometry {geometry:.3}"
@@ -193,7 +195,7 @@ fn gains_by_geometry<T: Tracker + 'static>(tracker: T) {
         told.contains("geometry mended") && told.contains("were given to the tracker anew on"),
         "{told}"
     );
-    // From the anchor, then from mended masks besides, each further on.
+    // The first run starts from the keyframe; each further run starts from one more corrected mask.
     assert_eq!(begun[0], [ANCHOR]);
     assert!(begun.len() > 1, "{begun:?}");
     for (number, anchors) in begun.iter().enumerate() {
@@ -203,7 +205,7 @@ fn gains_by_geometry<T: Tracker + 'static>(tracker: T) {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn xmem_gains_by_geometry_and_begins_anew_from_mended_masks() {
+fn xmem_improves_with_geometry_and_restarts_from_corrected_masks() {
     let parts = ["key-encoder", "value-encoder", "decoder"];
     let networks = networks("xmem-tiny", parts);
     let mut xmem = XMem::new(networks).unwrap();
@@ -213,7 +215,7 @@ fn xmem_gains_by_geometry_and_begins_anew_from_mended_masks() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn deaot_gains_by_geometry_and_begins_anew_from_mended_masks() {
+fn deaot_improves_with_geometry_and_restarts_from_corrected_masks() {
     let parts = ["encoder", "remember", "propagate", "identify"];
     let networks = networks("deaot-tiny", parts);
     gains_by_geometry(Deaot::new(networks).unwrap());

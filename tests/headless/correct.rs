@@ -1,4 +1,4 @@
-//! Labels corrected in 3-D and written back into the masks, on a real recording and as a recipe.
+//! Tests of 3-D label corrections that are written back into the masks, by session and by recipe.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -19,7 +19,7 @@ fn square() -> String {
         .into()
 }
 
-/// A project of the recording in which the square is labelled `thing` on all frames, and fused.
+/// Returns a fused project of the recording, with the square labelled `thing` on all frames.
 fn labelled(recording: &Recording) -> String {
     let project = recording.project();
     for label in ["thing", "other"] {
@@ -49,7 +49,7 @@ fn pixels(project: &str, frame: usize, label: u16) -> usize {
 }
 
 #[test]
-fn a_recipe_corrects_through_a_frames_camera() {
+fn recipe_corrects_through_a_frames_camera() {
     let recording = Recording::new();
     let project = labelled(&recording);
     let things: Vec<usize> = (0..4).map(|frame| pixels(&project, frame, 1)).collect();
@@ -88,7 +88,7 @@ fn a_recipe_corrects_through_a_frames_camera() {
 }
 
 #[test]
-fn a_depth_that_cannot_be_read_stops_no_correction() {
+fn correction_continues_without_an_unreadable_depth() {
     let recording = Recording::new();
     let project = labelled(&recording);
     let things: Vec<usize> = (0..4).map(|frame| pixels(&project, frame, 1)).collect();
@@ -111,7 +111,7 @@ fn a_depth_that_cannot_be_read_stops_no_correction() {
 }
 
 #[test]
-fn locked_labels_stay_and_absent_ones_do_not_come_back() {
+fn locked_labels_stay_and_deleted_ones_do_not_return() {
     let recording = Recording::new();
     let project = labelled(&recording);
     let things: Vec<usize> = (0..4).map(|frame| pixels(&project, frame, 1)).collect();
@@ -139,9 +139,9 @@ fn locked_labels_stay_and_absent_ones_do_not_come_back() {
     assert!(pixels(&project, 3, 2) > 0);
 }
 
-/// What a correction gives is what the masks vote, and one step takes all of it back.
+/// Checks that a correction equals the vote of the corrected masks, and that one undo reverts it.
 #[test]
-fn points_that_were_corrected_have_their_label_when_fused_again() {
+fn corrected_points_keep_their_label_after_another_fusion() {
     let recording = Recording::new();
     let project = labelled(&recording);
     let mut session = Session::new();
@@ -206,7 +206,7 @@ fn points_that_were_corrected_have_their_label_when_fused_again() {
     }
 }
 
-/// The labels that the mesh in force carries.
+/// Returns the labels of the current mesh.
 fn surface_labels(session: &mut Session) -> BTreeSet<LabelId> {
     assert!(
         session.mesh().is_some() || session.surface_voxel().is_some(),
@@ -218,7 +218,7 @@ fn surface_labels(session: &mut Session) -> BTreeSet<LabelId> {
     mesh.vertices.labels.iter().copied().collect()
 }
 
-/// All points of the thing get another label.
+/// Returns a correction that gives all points of the thing another label.
 fn thing_to(label: LabelId) -> CloudCorrection {
     let select = vec![SelectStep::Label(LabelId(1))];
     CloudCorrection {
@@ -229,7 +229,7 @@ fn thing_to(label: LabelId) -> CloudCorrection {
 }
 
 #[test]
-fn mesh_and_voxels_of_labelled_points_alone_stay_when_labels_change() {
+fn surface_of_labelled_points_survives_label_changes() {
     let recording = Recording::new();
     let project = labelled(&recording);
     done(&["fuse", &project, "--voxel", "0.01", "--drop-unlabelled"]);
@@ -281,7 +281,7 @@ fn mesh_and_voxels_of_labelled_points_alone_stay_when_labels_change() {
 }
 
 #[test]
-fn a_mesh_whose_voters_are_not_known_stays_and_is_stale() {
+fn mesh_without_known_voters_is_kept_and_stale() {
     let recording = Recording::new();
     let project = labelled(&recording);
     for entry in std::fs::read_dir(Path::new(&project).join("versions")).unwrap() {
@@ -300,7 +300,7 @@ fn a_mesh_whose_voters_are_not_known_stays_and_is_stale() {
 }
 
 #[test]
-fn merged_labels_are_one_in_masks_and_cloud_and_the_other_goes() {
+fn merge_replaces_the_label_in_masks_and_cloud_and_removes_it() {
     let recording = Recording::new();
     let project = labelled(&recording);
     let things: Vec<usize> = (0..4).map(|frame| pixels(&project, frame, 1)).collect();

@@ -1,20 +1,22 @@
-//! A project survives kills between edits, and a full disk. The accuracy tests kill ten times as often.
+//! A project survives kills between edits, and a full disk.
+//!
+//! The accuracy tests kill ten times as often.
 
 use crate::crash_child;
 
-/// Started by the others, in a process of its own.
+/// Runs in its own process, started by the other tests.
 #[test]
 fn child() {
     crash_child::child();
 }
 
 #[test]
-fn killed_at_any_moment_nothing_is_lost_but_the_edit_in_flight() {
+fn kill_loses_at_most_the_edit_in_progress() {
     crash_child::kill_at_random_moments(20);
 }
 
 #[test]
 #[cfg(unix)]
-fn a_full_disk_refuses_the_step_and_harms_nothing() {
+fn full_disk_refuses_the_step_and_damages_nothing() {
     crash_child::fill_the_disk();
 }

@@ -1,4 +1,4 @@
-//! Masks that the vote of all contradicts, as a user of the command line meets them.
+//! Tests of masks in conflict with the vote, through the command line.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -26,11 +26,12 @@ fn pixels(project: &str, frame: u32, label: u16) -> Vec<bool> {
     mask.ids.iter().map(|&id| id == LabelId(label)).collect()
 }
 
-/// Where the window shows stripes on a frame.
+/// Returns the pixels of a frame that the window stripes as in conflict.
 fn contradicted(project: &str, frame: usize) -> Vec<bool> {
     let mut session = Session::new();
     session.act(Command::Open(project.into())).unwrap();
-    // The project is opened, then its cloud loaded, then it is compared; each when it was asked for.
+    // The project is opened, then the cloud is loaded, then the masks are compared, each on
+    // request.
     for _ in 0..3 {
         session.settle(|_| ControlFlow::Continue(()));
         let _ = (session.cloud(), session.contradicted(frame));
@@ -44,7 +45,7 @@ fn contradicted(project: &str, frame: usize) -> Vec<bool> {
 }
 
 #[test]
-fn a_wrong_mask_is_the_most_doubtful_and_the_vote_puts_it_right() {
+fn wrong_mask_has_the_most_conflict_and_the_vote_corrects_it() {
     let recording = Recording::new();
     let project = recording.project();
     assert!(refused(&["doubt", &project]).contains("fuse"));
@@ -56,7 +57,7 @@ fn a_wrong_mask_is_the_most_doubtful_and_the_vote_puts_it_right() {
     ]);
     done(&["track", &project, "--tracker", "geometry"]);
     let right = pixels(&project, 2, 1);
-    // On frame 2 the thing gets another name.
+    // On frame 2 the thing gets the other label.
     done(&["prompt", &project, "--frame", "2", "--label", "thing"]);
     done(&[
         "prompt", &project, "--frame", "2", "--label", "other", "--click", "18,24",
@@ -105,7 +106,7 @@ fn a_wrong_mask_is_the_most_doubtful_and_the_vote_puts_it_right() {
 }
 
 #[test]
-fn a_depth_that_cannot_be_read_does_not_keep_votes_from_being_accepted() {
+fn votes_are_accepted_despite_an_unreadable_depth() {
     let recording = Recording::new();
     let project = recording.project();
     done(&["label", &project, "thing"]);

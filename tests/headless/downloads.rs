@@ -1,4 +1,4 @@
-//! Nothing unverified is installed or run.
+//! Tests that only verified downloads are installed and run.
 #![cfg(unix)]
 
 use std::io::{BufRead, BufReader, Read, Write};
@@ -12,18 +12,18 @@ use rcgen::{BasicConstraints, CertificateParams, IsCa, Issuer, KeyPair};
 use rustls::pki_types::PrivateKeyDer;
 use rustls::{ServerConfig, ServerConnection, StreamOwned};
 
-/// The sites that the addresses of downloads name.
+/// Hosts of the download addresses.
 const HOSTS: [&str; 2] = ["github.com", "files.pythonhosted.org"];
 
-/// What a site answers to the first line of a request.
+/// Returns a site's response to the first line of a request.
 type Answer = fn(&str) -> String;
 
-/// A proxy that answers in the place of all sites, with certificates of an authority of its own.
+/// A proxy that responds for all sites, with certificates of its own authority.
 struct FakeSites {
     proxy: String,
-    /// The authority's certificate.
+    /// Certificate of the authority in PEM format.
     authority: String,
-    /// The first line of every request, also those to the proxy.
+    /// First line of every request, including those to the proxy.
     requests: Arc<Mutex<Vec<String>>>,
 }
 
@@ -55,7 +55,7 @@ impl FakeSites {
         let log = Arc::clone(&requests);
         std::thread::spawn(move || {
             for stream in listener.incoming() {
-                // A client that breaks off is a matter of the test, not of the server.
+                // The test checks clients that close the connection early; the server ignores them.
                 let _ = serve(stream.unwrap(), &config, &log, answer);
             }
         });
@@ -70,8 +70,9 @@ impl FakeSites {
         self.requests.lock().unwrap().clone()
     }
 
-    /// Runs `ostra models install NAME` in `folder/cwd`, with the programs in the folders `path` and no others but the
-    /// shell's. The sites' authority is trusted.
+    /// Runs `ostra models install NAME` in `folder/cwd` and trusts the sites' authority.
+    ///
+    /// Only the programs in the folders `path` and those of the shell are available.
     fn install(&self, folder: &Path, name: &str, path: &str) -> Output {
         self.install_trusting(&self.authority, folder, name, path)
     }
@@ -100,7 +101,7 @@ impl FakeSites {
     }
 }
 
-/// Answers one connection to the proxy: what is asked of it itself, or one request of the tunnel that it opens.
+/// Serves one connection to the proxy: its own request, or one request through a tunnel.
 fn serve(
     stream: TcpStream,
     config: &Arc<ServerConfig>,
@@ -122,7 +123,7 @@ fn serve(
     tunnel.flush()
 }
 
-/// The first line of a request; the rest of its head is passed over.
+/// Reads the head of a request and returns its first line.
 fn read_request(stream: impl Read) -> std::io::Result<String> {
     let mut lines = BufReader::new(stream).lines();
     let first = lines.next().unwrap_or_else(|| Ok(String::new()))?;
@@ -144,7 +145,7 @@ fn redirect(to: &str) -> String {
     )
 }
 
-/// A program of the name that runs a shell script.
+/// Writes a program `name` that runs a shell script.
 fn program(folder: &Path, name: &str, script: &str) {
     let path = folder.join(name);
     std::fs::create_dir_all(folder).unwrap();
@@ -165,10 +166,10 @@ fn assert_nothing_is_installed(folder: &Path, name: &str) {
     assert_eq!(installed, 0, "{name}");
 }
 
-// Only there are the trusted authorities taken from the environment.
+// Trusted authorities are taken from the environment only on Linux.
 #[cfg(target_os = "linux")]
 #[test]
-fn junk_is_refused_for_every_network_and_the_library() {
+fn wrong_file_is_refused_for_every_network_and_the_library() {
     for (name, host) in [
         ("efficient-sam", HOSTS[0]),
         ("yolox", HOSTS[0]),
@@ -201,7 +202,7 @@ fn junk_is_refused_for_every_network_and_the_library() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn redirects_are_followed_to_encrypted_addresses_only() {
+fn redirects_are_followed_only_to_https_addresses() {
     let plain = FakeSites::start(|_| redirect("http://github.com/elsewhere"));
     let folder = tempfile::tempdir().unwrap();
     for name in ["yolox", "onnxruntime"] {
@@ -229,7 +230,7 @@ fn redirects_are_followed_to_encrypted_addresses_only() {
 }
 
 #[test]
-fn a_site_with_an_unknown_certificate_is_not_asked() {
+fn nothing_is_requested_from_a_site_with_an_unknown_certificate() {
     let (sites, others) = (FakeSites::start(junk), FakeSites::start(junk));
     let folder = tempfile::tempdir().unwrap();
     for name in ["yolox", "onnxruntime"] {
@@ -247,7 +248,7 @@ fn a_site_with_an_unknown_certificate_is_not_asked() {
 }
 
 #[test]
-fn programs_and_modules_of_the_current_folder_are_not_run() {
+fn programs_and_modules_in_the_current_folder_are_not_run() {
     let (folder, sites) = (tempfile::tempdir().unwrap(), FakeSites::start(junk));
     let (bin, cwd) = (folder.path().join("bin"), folder.path().join("cwd"));
     let mark = folder.path().join("HIJACKED");

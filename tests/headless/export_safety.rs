@@ -1,4 +1,4 @@
-//! Exports never replace sources, and other programs can read them.
+//! Tests that exports never replace sources and that other programs can read them.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::recording::Recording;
 use crate::program::{contents, done, ostra, refused};
 
-/// A project with masks and a cloud; its label has a name outside ASCII.
+/// Returns a project with masks and a cloud; its label has a non-ASCII name.
 fn fused(recording: &Recording) -> String {
     let project = recording.project();
     done(&["label", &project, "Stängel 名前"]);
@@ -151,7 +151,7 @@ fn outputs_of_one_export_never_share_a_file() {
 }
 
 #[test]
-fn demo_keeps_files_of_others_and_edits_in_its_project() {
+fn demo_keeps_foreign_files_and_edits_in_its_project() {
     let recording = Recording::new();
     let out = recording.path("demo");
     for file in [
@@ -195,7 +195,7 @@ fn demo_keeps_files_of_others_and_edits_in_its_project() {
 }
 
 #[test]
-fn names_with_spaces_get_through_colmap_text() {
+fn names_with_spaces_survive_colmap_text() {
     let recording = Recording::new();
     let spaced = recording.path("spaced");
     std::fs::create_dir(&spaced).unwrap();
@@ -264,7 +264,7 @@ fn names_with_spaces_get_through_colmap_text() {
 }
 
 #[test]
-fn names_of_others_neither_steer_terminals_nor_spreadsheets() {
+fn untrusted_names_cannot_control_terminals_or_spreadsheets() {
     let recording = Recording::new();
     let project = fused(&recording);
     let toml = format!("{project}/project.toml");
@@ -331,7 +331,7 @@ fn output_that_cannot_be_written_is_an_error() {
         assert_eq!(output.status.code(), Some(1), "{args:?}: {text}");
         assert!(text.contains("standard output"), "{text}");
     }
-    // Progress and warnings are only words: the work is done without them.
+    // Progress and warnings are optional output: the work is done without them.
     std::fs::write(recording.path("color/1.png"), "").unwrap();
     let full = std::fs::OpenOptions::new()
         .write(true)
@@ -346,7 +346,7 @@ fn output_that_cannot_be_written_is_an_error() {
 }
 
 #[test]
-fn files_of_labels_that_the_project_has_no_longer_replace_no_other_files() {
+fn export_of_a_removed_label_replaces_no_foreign_file() {
     let recording = Recording::new();
     let project = fused(&recording);
     let session = |command: Value| {
@@ -385,7 +385,7 @@ fn files_of_labels_that_the_project_has_no_longer_replace_no_other_files() {
     }
 }
 
-/// What reads our exports with the libraries that people use, and checks what it finds.
+/// Script that reads the exports with common libraries and checks their content.
 const READERS: &str = r#"
 import json, sys
 import numpy as np

@@ -1,4 +1,4 @@
-//! Clouds and measures for other programs, through the command line.
+//! Tests of exported clouds and measurements, through the command line.
 
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
@@ -13,7 +13,9 @@ use ostra_session::{Command, MeasureSettings, Session};
 use super::recording::Recording;
 use crate::program::{done, refused};
 
-/// A recording's project with a cloud in which a red square, 1 m away, is labelled `thing` below `object`.
+/// Returns a recording and its fused project.
+///
+/// A red square, 1 m away, is labelled `thing` below `object`.
 fn fused() -> (Recording, String) {
     let recording = Recording::new();
     let project = recording.project();
@@ -28,7 +30,7 @@ fn fused() -> (Recording, String) {
     (recording, project)
 }
 
-/// Deepest label and class of every point.
+/// Returns the deepest label and the class of every point.
 fn las_labels(path: &str) -> Vec<(u16, u8)> {
     let points = las::Reader::from_path(path).unwrap().read_all().unwrap();
     let label =
@@ -41,7 +43,7 @@ fn las_labels(path: &str) -> Vec<(u16, u8)> {
 }
 
 #[test]
-fn clouds_are_written_for_other_programs() {
+fn clouds_are_written_in_every_format() {
     let (recording, project) = fused();
     let [las, laz, pcd, ply] =
         ["c.las", "c.laz", "c.pcd", "c.ply"].map(|name| recording.path(&format!("out/{name}")));
@@ -79,7 +81,7 @@ fn clouds_are_written_for_other_programs() {
 }
 
 #[test]
-fn files_without_a_folder_are_written_where_one_stands() {
+fn files_without_a_folder_are_written_to_the_current_folder() {
     let (recording, project) = fused();
     let here = recording.path("here");
     std::fs::create_dir(&here).unwrap();
@@ -118,7 +120,7 @@ fn files_without_a_folder_are_written_where_one_stands() {
 }
 
 #[test]
-fn what_cannot_be_exported_is_one_line_and_leaves_nothing() {
+fn failed_export_gives_one_error_line_and_leaves_no_file() {
     let (recording, project) = fused();
     let wrong = recording.path("out/c.xyz");
     assert!(refused(&["export", &project, "--cloud", &wrong]).contains(".ply, .las, .laz, .pcd"));
@@ -137,7 +139,7 @@ fn what_cannot_be_exported_is_one_line_and_leaves_nothing() {
 }
 
 #[test]
-fn measures_come_in_the_unit_asked_for_with_their_points() {
+fn measurements_have_the_requested_unit_and_point_count() {
     let (recording, project) = fused();
     let csv = |arguments: &[&str]| {
         let path = recording.path("traits.csv");
@@ -156,7 +158,7 @@ fn measures_come_in_the_unit_asked_for_with_their_points() {
             cells[cells.len() - 1].parse::<usize>().unwrap(),
         )
     };
-    // The square is 16 × 20 pixels of 1/60 m; the plane z = 2 lies behind it.
+    // The square has 16 × 20 pixels of 1/60 m; the plane z = 2 lies behind it.
     let plain = csv(&[]);
     assert!(plain.starts_with("label,path,instance,trait,value,unit,definition,points\n"));
     let (area, unit, points) = found(&plain, "area");
@@ -177,7 +179,7 @@ fn measures_come_in_the_unit_asked_for_with_their_points() {
 }
 
 #[test]
-fn a_round_of_the_cloud_that_was_measured_goes_when_another_comes() {
+fn measured_cloud_is_freed_after_another_fusion() {
     let (_recording, project) = fused();
     let mut session = Session::new();
     session.act(Command::Open(project.into())).unwrap();
@@ -204,7 +206,7 @@ fn a_round_of_the_cloud_that_was_measured_goes_when_another_comes() {
 }
 
 #[test]
-fn angles_that_cannot_be_told_are_one_line() {
+fn unmeasurable_angle_gives_one_error_line() {
     let (recording, project) = fused();
     let csv = recording.path("traits.csv");
     let refused = |pair: [&str; 2]| {
@@ -235,7 +237,7 @@ fn angles_that_cannot_be_told_are_one_line() {
 }
 
 #[test]
-fn a_job_measures_what_is_looked_at() {
+fn job_measures_the_shown_level() {
     let (_recording, project) = fused();
     let mut session = Session::new();
     session.act(Command::Open(project.into())).unwrap();
@@ -245,7 +247,7 @@ fn a_job_measures_what_is_looked_at() {
             ..MeasureSettings::default()
         };
         let mut answered = 0;
-        // First the cloud is loaded, then it is measured.
+        // The cloud is loaded before it is measured.
         while session.traits(wish).is_none() && answered < 4 {
             session.settle(|_| ControlFlow::Continue(()));
             answered += 1;

@@ -1,4 +1,4 @@
-//! Opening folders, RGB-D recordings and films; the cache.
+//! Tests of opening folders, RGB-D recordings and videos, and of the cache.
 
 use std::path::{Path, PathBuf};
 
@@ -33,7 +33,7 @@ fn names(opened: &Opened) -> Vec<&str> {
         .collect()
 }
 
-/// A picture with a value that tells where a pixel is.
+/// Writes an image whose pixel values encode the position.
 fn picture(path: &Path, width: u32, height: u32) {
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();
     image::RgbImage::from_fn(width, height, |x, y| {
@@ -56,7 +56,7 @@ fn depth_picture(path: &Path, width: u32, height: u32) {
 }
 
 #[test]
-fn every_from_to_count_source_frames_and_to_is_included() {
+fn every_from_and_to_count_source_frames_and_to_is_included() {
     let folder = tempfile::tempdir().unwrap();
     for index in 0..12 {
         picture(&folder.path().join(format!("img_{index}.png")), 4, 3);
@@ -79,7 +79,7 @@ fn every_from_to_count_source_frames_and_to_is_included() {
 }
 
 #[test]
-fn several_folders_are_named_apart_and_hidden_files_are_skipped() {
+fn names_differ_between_folders_and_hidden_files_are_skipped() {
     let root = tempfile::tempdir().unwrap();
     for name in [
         "b/rgb/2.png",
@@ -103,7 +103,7 @@ fn several_folders_are_named_apart_and_hidden_files_are_skipped() {
 }
 
 #[test]
-fn depth_is_scaled_and_its_unknown_values_are_zero() {
+fn depth_is_scaled_and_unknown_values_are_zero() {
     let root = tempfile::tempdir().unwrap();
     picture(&root.path().join("color/1.png"), 4, 3);
     depth_picture(&root.path().join("depth/1.png"), 4, 3);
@@ -123,7 +123,7 @@ fn depth_is_scaled_and_its_unknown_values_are_zero() {
 }
 
 #[test]
-fn a_cut_off_body_is_an_error_not_a_grey_picture() {
+fn truncated_body_is_an_error_not_a_grey_image() {
     for ending in ["png", "jpg", "tif", "webp"] {
         let root = tempfile::tempdir().unwrap();
         let path = root.path().join(format!("cut.{ending}"));
@@ -146,7 +146,7 @@ fn a_cut_off_body_is_an_error_not_a_grey_picture() {
             "{error}"
         );
         if ending != "tif" {
-            let error = refused(&request); // opening finds it too
+            let error = refused(&request); // opening finds it, too
             assert!(
                 error.contains(&format!("cut.{ending}")) && error.contains("damaged or cut off"),
                 "{error}"
@@ -157,7 +157,7 @@ fn a_cut_off_body_is_an_error_not_a_grey_picture() {
     }
 }
 
-/// The EXIF block that says nothing but the orientation.
+/// Returns an EXIF block that contains only the orientation.
 pub(super) fn exif(orientation: u8) -> Vec<u8> {
     let mut exif = b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
     exif.extend([orientation, 0, 0, 0, 0, 0, 0, 0]);
@@ -165,7 +165,7 @@ pub(super) fn exif(orientation: u8) -> Vec<u8> {
 }
 
 #[test]
-fn pictures_and_depth_are_turned_as_exif_says() {
+fn images_and_depth_are_rotated_by_their_exif_orientation() {
     let root = tempfile::tempdir().unwrap();
     let stored = image::RgbImage::from_fn(40, 24, |x, y| {
         image::Rgb(if x < 20 {
@@ -231,7 +231,7 @@ fn pictures_and_depth_are_turned_as_exif_says() {
 }
 
 #[test]
-fn what_cannot_be_opened_is_named() {
+fn errors_name_the_source_that_cannot_be_opened() {
     let root = tempfile::tempdir().unwrap();
     let path = |name: &str| root.path().join(name);
     std::fs::create_dir(path("empty")).unwrap();
@@ -268,7 +268,7 @@ fn what_cannot_be_opened_is_named() {
 }
 
 #[test]
-fn a_header_that_claims_too_much_is_refused() {
+fn header_with_an_excessive_size_is_refused() {
     let root = tempfile::tempdir().unwrap();
     let path = root.path().join("huge.jpg");
     picture(&path, 16, 16);
@@ -312,7 +312,7 @@ fn depth_that_does_not_fit_is_refused() {
 }
 
 #[test]
-fn frames_without_depth_are_welcome_and_named() {
+fn frames_without_depth_are_accepted_and_named() {
     let root = tempfile::tempdir().unwrap();
     for index in 0..8 {
         picture(&root.path().join(format!("rgb/{index}.png")), 4, 3);
@@ -338,7 +338,7 @@ fn frames_without_depth_are_welcome_and_named() {
 }
 
 #[test]
-fn rgbd_layouts_are_recognised_without_being_told() {
+fn rgbd_layouts_are_recognised_automatically() {
     let root = tempfile::tempdir().unwrap();
     let path = |name: &str| root.path().join(name);
     for index in 0..3 {
@@ -404,7 +404,7 @@ fn rgbd_layouts_are_recognised_without_being_told() {
 }
 
 #[test]
-fn associations_say_which_depth_belongs_to_which_picture() {
+fn associations_pair_depth_with_images() {
     let root = tempfile::tempdir().unwrap();
     for name in ["a", "b"] {
         picture(&root.path().join(format!("rgb/{name}.png")), 4, 3);
@@ -432,7 +432,7 @@ fn associations_say_which_depth_belongs_to_which_picture() {
 }
 
 #[test]
-fn three_thousand_frames_open_from_their_headers() {
+fn three_thousand_frames_are_opened_from_their_headers() {
     let root = tempfile::tempdir().unwrap();
     let path = |index: usize| root.path().join(format!("IMG_{index}.jpg"));
     picture(&path(0), 640, 480);
@@ -450,7 +450,7 @@ fn three_thousand_frames_open_from_their_headers() {
 }
 
 #[test]
-fn the_cache_never_holds_more_than_its_budget() {
+fn cache_never_exceeds_its_budget() {
     let root = tempfile::tempdir().unwrap();
     for index in 0..30 {
         picture(&root.path().join(format!("{index}.png")), 100, 100);
@@ -479,7 +479,7 @@ fn the_cache_never_holds_more_than_its_budget() {
 }
 
 #[test]
-fn prefetched_frames_and_thumbnails_are_there_without_waiting() {
+fn prefetched_frames_and_thumbnails_are_cached() {
     let root = tempfile::tempdir().unwrap();
     for index in 0..6 {
         picture(&root.path().join(format!("{index}.png")), 64, 48);
@@ -502,7 +502,7 @@ fn prefetched_frames_and_thumbnails_are_there_without_waiting() {
 }
 
 #[test]
-fn a_picture_that_changed_or_went_away_is_an_error_that_says_so() {
+fn changed_or_missing_image_is_reported() {
     let root = tempfile::tempdir().unwrap();
     let path = root.path().join("old/a.png");
     picture(&path, 8, 6);
@@ -531,7 +531,7 @@ fn a_picture_that_changed_or_went_away_is_an_error_that_says_so() {
 }
 
 #[test]
-fn frames_added_later_get_names_of_their_own() {
+fn frames_added_later_get_unique_names() {
     let root = tempfile::tempdir().unwrap();
     for name in ["a/0.png", "a/1.png", "b/0.png", "b/7.png"] {
         picture(&root.path().join(name), 4, 3);

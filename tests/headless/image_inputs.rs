@@ -1,4 +1,4 @@
-//! Images, depth maps, camera files and folders as other programs, phones and damaged disks leave them.
+//! Tests of images, depth maps, camera files and folders of other programs and damaged disks.
 
 use std::path::Path;
 use std::process::Command;
@@ -14,7 +14,7 @@ use tiff::encoder::{TiffEncoder, colortype};
 use super::recording::Recording;
 use crate::program::{done, refused};
 
-/// Runs the program and returns what it writes to the standard error stream; it must succeed.
+/// Runs a command that must succeed and returns its standard error output.
 fn warned(args: &[&str]) -> String {
     let output = Command::new(env!("CARGO_BIN_EXE_ostra"))
         .args(args)
@@ -127,7 +127,7 @@ fn transparent_pixels_hide_their_colours() {
 }
 
 #[test]
-fn an_alpha_channel_that_hides_nothing_is_not_reported() {
+fn opaque_alpha_channel_is_not_reported() {
     let root = tempfile::tempdir().unwrap();
     for name in ["a.png", "b.png"] {
         DynamicImage::ImageRgb8(picture())
@@ -140,7 +140,7 @@ fn an_alpha_channel_that_hides_nothing_is_not_reported() {
 }
 
 #[test]
-fn float_colours_of_any_usual_range_keep_their_colours() {
+fn float_images_of_usual_ranges_keep_their_colours() {
     let root = tempfile::tempdir().unwrap();
     let path = |name: &str| root.path().join(name);
     let encoder =
@@ -208,7 +208,7 @@ fn float_colours_of_any_usual_range_keep_their_colours() {
 }
 
 #[test]
-fn images_of_other_formats_are_refused_by_their_own_path_with_a_hint() {
+fn unsupported_format_is_refused_with_its_path_and_a_hint() {
     let root = tempfile::tempdir().unwrap();
     for (name, bytes, hint) in [
         ("a.heic", &b"\0\0\0\x18ftypheic\0\0\0\0"[..], "heif-convert"),
@@ -232,7 +232,7 @@ fn images_of_other_formats_are_refused_by_their_own_path_with_a_hint() {
 }
 
 #[test]
-fn images_of_unusual_kinds_keep_their_colours() {
+fn unusual_image_encodings_keep_their_colours() {
     let root = tempfile::tempdir().unwrap();
     let path = |name: &str| root.path().join(name);
     let expected = picture();
@@ -246,7 +246,7 @@ fn images_of_unusual_kinds_keep_their_colours() {
     expected
         .save_with_format(path("upper.PNG"), image::ImageFormat::Png)
         .unwrap();
-    // BigTIFF, as some scanners and GDAL write it.
+    // Some scanners and GDAL write BigTIFF.
     let mut big = TiffEncoder::new_big(std::fs::File::create(path("big.tif")).unwrap()).unwrap();
     big.write_image::<colortype::RGB8>(64, 48, expected.as_raw())
         .unwrap();
@@ -268,7 +268,7 @@ fn images_of_unusual_kinds_keep_their_colours() {
 }
 
 #[test]
-fn folders_of_systems_and_network_storage_are_left_out() {
+fn system_and_network_storage_folders_are_skipped() {
     let root = tempfile::tempdir().unwrap();
     let put = |name: &str| {
         let path = root.path().join(name);
@@ -299,12 +299,12 @@ fn folders_of_systems_and_network_storage_are_left_out() {
         "{warnings}"
     );
     assert_eq!(frames_of(&project).len(), 1);
-    // A folder that is named itself is not left out.
+    // A folder that the user names explicitly is not skipped.
     assert_eq!(opened(&root.path().join("#recycle")).frames.len(), 1);
 }
 
 #[test]
-fn images_that_cannot_be_read_are_counted_and_named() {
+fn unreadable_images_are_counted_and_named() {
     let root = tempfile::tempdir().unwrap();
     let photos = root.path().join("photos");
     std::fs::create_dir(&photos).unwrap();
@@ -334,12 +334,12 @@ fn images_that_cannot_be_read_are_counted_and_named() {
 }
 
 #[test]
-fn damaged_images_are_named_and_everything_goes_on_without_them() {
+fn damaged_images_are_named_and_the_rest_is_processed() {
     let recording = Recording::new();
     let color = |k: u32| recording.path(&format!("color/{k}.png"));
     let whole = std::fs::read(color(1)).unwrap();
-    std::fs::write(color(1), &whole[..whole.len() - 30]).unwrap(); // cut off
-    std::fs::write(color(2), "").unwrap(); // not copied
+    std::fs::write(color(1), &whole[..whole.len() - 30]).unwrap(); // truncated
+    std::fs::write(color(2), "").unwrap(); // empty
     let project = recording.path("project");
     let [frames, depth, sparse] = ["color", "depth", "sparse"].map(|name| recording.path(name));
     let warnings = warned(&[
@@ -366,7 +366,7 @@ fn damaged_images_are_named_and_everything_goes_on_without_them() {
         fused.contains("cannot be read") && fused.contains("1.png"),
         "{fused}"
     );
-    // Exports of images and scale go on without them too.
+    // Image exports and scaling continue without them, too.
     let [flat, depths] = ["flat", "depths"].map(|name| recording.path(name));
     let exported = warned(&[
         "export",
@@ -381,7 +381,8 @@ fn damaged_images_are_named_and_everything_goes_on_without_them() {
         "{exported}"
     );
     let names = |folder: &str| std::fs::read_dir(folder).unwrap().count();
-    // Depths come from images of their own; that of an image without a size cannot be checked against it.
+    // Depth comes from separate files; that of an image without a size cannot be checked against
+    // it.
     assert_eq!(
         (names(&format!("{flat}/images")), names(&depths)),
         (2, 3 + 1),
@@ -392,13 +393,13 @@ fn damaged_images_are_named_and_everything_goes_on_without_them() {
         model.contains("0.png") && model.contains("3.png") && !model.contains("1.png"),
         "{model}"
     );
-    // The file came back: the frame is whole again.
+    // With the file restored, the frame is complete again.
     std::fs::write(color(1), &whole).unwrap();
     assert!(!warned(&["fuse", &project, "--voxel", "0.02"]).contains("1.png"));
 }
 
 #[test]
-fn a_robot_user_leaves_out_frames_that_cannot_be_read() {
+fn simulated_user_skips_unreadable_frames() {
     let recording = Recording::new();
     let (project, truth) = (recording.project(), recording.truth());
     for file in ["color/1.png", "depth/2.png"] {
@@ -421,7 +422,7 @@ fn a_robot_user_leaves_out_frames_that_cannot_be_read() {
 }
 
 #[test]
-fn clicks_and_the_geometry_tracker_go_on_without_a_depth_that_cannot_be_read() {
+fn clicks_and_geometry_tracker_continue_without_an_unreadable_depth() {
     let recording = Recording::new();
     let project = recording.project();
     done(&["label", &project, "thing"]);
@@ -449,7 +450,7 @@ fn clicks_and_the_geometry_tracker_go_on_without_a_depth_that_cannot_be_read() {
 }
 
 #[test]
-fn exported_depths_and_other_floats_are_read_back() {
+fn exported_depths_and_other_float_depths_are_read_back() {
     let recording = Recording::new();
     let project = recording.project();
     let (exported, again, color) = (
@@ -478,7 +479,7 @@ fn exported_depths_and_other_floats_are_read_back() {
 }
 
 #[test]
-fn depth_samples_of_other_types_are_metres_and_what_is_unknown_is_zero() {
+fn depth_of_every_sample_type_is_in_metres_and_unknown_is_zero() {
     let root = tempfile::tempdir().unwrap();
     let request = |name: &str, unit: f64| {
         let [frames, depth] = ["color", name].map(|folder| root.path().join(folder));
@@ -528,7 +529,7 @@ fn unsupported_variants_are_not_called_damaged() {
     let path = root.path().join("five bands.tif");
     let mut encoder = TiffEncoder::new(std::fs::File::create(&path).unwrap()).unwrap();
     let mut page = encoder.new_image::<colortype::Gray8>(4, 3).unwrap();
-    // A colour palette: photometric interpretation 3.
+    // Photometric interpretation 3 is a colour palette.
     page.encoder()
         .write_tag(tiff::tags::Tag::PhotometricInterpretation, 3_u16)
         .unwrap();
@@ -547,7 +548,7 @@ fn unsupported_variants_are_not_called_damaged() {
     );
 }
 
-/// A PNG that begins with this size and ends at once.
+/// Returns a PNG that declares this size and ends after its header.
 fn png_header(width: u32, height: u32) -> Vec<u8> {
     let mut whole = std::io::Cursor::new(Vec::new());
     RgbImage::new(1, 1)
@@ -574,7 +575,7 @@ fn crc32(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(u32::MAX, step)
 }
 
-/// A lossy WebP whose canvas and frame have sizes of their own.
+/// Returns a lossy WebP whose canvas and frame differ in size.
 fn webp(canvas: (u32, u32), frame: u16) -> Vec<u8> {
     let side = |side: u32| (side - 1).to_le_bytes()[..3].to_vec();
     let mut body = b"WEBPVP8X\x0a\0\0\0\0\0\0\0".to_vec();
@@ -737,7 +738,7 @@ fn byte_order_marks_in_camera_files_are_skipped() {
 
 #[cfg(unix)]
 #[test]
-fn named_pipes_are_refused_at_once() {
+fn named_pipes_are_refused_immediately() {
     let recording = Recording::new();
     let project = recording.project();
     done(&["label", &project, "a"]);
@@ -784,7 +785,7 @@ fn named_pipes_are_refused_at_once() {
 }
 
 #[test]
-fn one_unusable_depth_does_not_end_the_others() {
+fn one_unusable_depth_does_not_discard_the_others() {
     let recording = Recording::new();
     let [color, depth, project] = ["color", "depth", "project"].map(|name| recording.path(name));
     ImageBuffer::<Luma<u16>, Vec<u16>>::new(32, 24)

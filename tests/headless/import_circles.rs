@@ -1,17 +1,19 @@
-//! No two files of a crate import each other, directly or through others: Cargo checks this between crates, not inside one.
+//! Checks that no two files of a crate import each other, directly or through others.
+//!
+//! Cargo checks this between crates, but not inside one.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// A module's path below its crate.
+/// Path of a module below its crate.
 type Module = Vec<String>;
 
-/// The product code of a crate by modules.
+/// Product code of a crate by module.
 struct Sources {
     code: BTreeMap<Module, String>,
-    /// Modules that hold documentation, declarations and re-exports alone.
+    /// Modules that hold only documentation, declarations and re-exports.
     roots: BTreeSet<Module>,
-    /// By module, the path behind each name that it re-exports.
+    /// Path behind each re-exported name, by module.
     exports: BTreeMap<Module, BTreeMap<String, Vec<String>>>,
 }
 
@@ -54,7 +56,7 @@ impl Sources {
         sources
     }
 
-    /// The module that a path leads to, seen from `module`; `None` outside the crate.
+    /// Returns the module that `path` in `module` leads to; `None` outside the crate.
     fn resolve(&self, module: &[String], path: &[String], depth: usize) -> Option<Module> {
         let mut at: Module = module.to_vec();
         let mut rest = path;
@@ -96,7 +98,7 @@ impl Sources {
         Some(at)
     }
 
-    /// What each file imports of its crate. Module roots are looked through.
+    /// Returns the files of the crate that each file imports, directly or through module roots.
     fn imports(&self) -> BTreeMap<&Module, BTreeSet<&Module>> {
         let files = self
             .code
@@ -121,7 +123,7 @@ impl Sources {
     }
 }
 
-/// One name that a `use` brings in.
+/// One name that a `use` imports.
 struct Use {
     path: Vec<String>,
     /// `None` for `*` and `_`.
@@ -172,7 +174,7 @@ fn uses(code: &str) -> Vec<Use> {
     found
 }
 
-/// The paths of a tree of imports: `a::{b, c::d}` is `a::b` and `a::c::d`.
+/// Returns the paths of a tree of imports: `a::{b, c::d}` gives `a::b` and `a::c::d`.
 fn leaves(tree: &str) -> Vec<String> {
     let tree = tree.trim();
     let Some(open) = tree.find('{') else {
@@ -202,7 +204,7 @@ fn leaves(tree: &str) -> Vec<String> {
         .collect()
 }
 
-/// Paths from `crate` or `super` in code, outside of `use`.
+/// Returns the paths in code, outside of `use`, that start with `crate` or `super`.
 fn inline_paths(code: &str) -> Vec<Vec<String>> {
     let is_word = |letter: char| letter.is_alphanumeric() || letter == '_' || letter == ':';
     let words = code.split(|letter: char| !is_word(letter));
@@ -233,7 +235,7 @@ fn rust_files(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// The code without comments and without its test module.
+/// Returns the code without comments and without its test module.
 fn product_code(text: &str) -> String {
     let code = text
         .split("#[cfg(test)]\nmod tests {")
@@ -244,7 +246,7 @@ fn product_code(text: &str) -> String {
     code.lines().map(without_comment).collect()
 }
 
-/// The files that import each other, directly or through others, in groups.
+/// Returns the groups of files that import each other, directly or through others.
 fn circles<'m>(imports: &BTreeMap<&'m Module, BTreeSet<&'m Module>>) -> Vec<BTreeSet<&'m Module>> {
     let reach = |from: &'m Module| {
         let (mut reached, mut next) = (BTreeSet::new(), vec![from]);
@@ -302,7 +304,7 @@ fn no_files_of_a_crate_import_each_other() {
 }
 
 #[test]
-fn a_circle_through_a_module_root_is_found() {
+fn cycle_through_a_module_root_is_found() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     std::fs::create_dir(folder.path().join("part")).unwrap();

@@ -1,4 +1,6 @@
-//! Instances of a label by the command line. The accuracy tests do the same with the scene of voxel blocks.
+//! Tests of instances of a label, by the command line.
+//!
+//! The accuracy tests do the same with the scene of voxel blocks.
 
 use std::ops::ControlFlow;
 
@@ -10,7 +12,7 @@ use crate::program::{done, refused};
 use crate::session::perform;
 
 #[test]
-fn a_label_gets_an_instance_in_masks_and_cloud() {
+fn label_gets_an_instance_in_masks_and_cloud() {
     let recording = Recording::new();
     let project = recording.project();
     done(&["label", &project, "thing"]);

@@ -1,4 +1,4 @@
-//! A repeated or stopped reconstruction goes on with the features, matches and cameras that it has.
+//! Tests that a repeated or stopped reconstruction reuses its features, matches and cameras.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -12,13 +12,13 @@ use super::scale::{HEIGHT, Photos, WIDTH, done_with_both};
 use crate::program::contents;
 use crate::session::perform;
 
-/// The sparse model that a project has now, without what became of each frame.
+/// Returns the files of the project's sparse model, without the status of each frame.
 fn model(project: &str) -> Vec<(PathBuf, Vec<u8>)> {
     contents(&Path::new(project).join("sparse"))
 }
 
 #[test]
-fn a_repeated_reconstruction_looks_for_no_feature_again_and_gives_the_same_bytes() {
+fn repeated_reconstruction_reuses_features_and_gives_the_same_bytes() {
     let photos = Photos::new(5);
     let [once, twice] = ["once", "twice"].map(|name| photos.project(name, &[]));
     let sfm = |project: &str| {
@@ -43,7 +43,7 @@ fn a_repeated_reconstruction_looks_for_no_feature_again_and_gives_the_same_bytes
     std::fs::remove_dir_all(Path::new(&once).join("cache")).unwrap();
     assert!(!sfm(&once).contains("earlier run"));
     assert!(bytes(&once) == kept);
-    // An image that changed is looked at again, with all that it is matched with.
+    // A changed image is extracted again, and so are all its matches.
     let mut image = image::open(photos.path("color/4.png"))
         .unwrap()
         .into_luma8();
@@ -54,7 +54,7 @@ fn a_repeated_reconstruction_looks_for_no_feature_again_and_gives_the_same_bytes
 }
 
 #[test]
-fn a_run_that_was_stopped_goes_on_with_what_it_found() {
+fn stopped_reconstruction_resumes_with_its_features() {
     let photos = Photos::new(5);
     let project = photos.project("project", &[]);
     let mut session = Session::new();
@@ -102,9 +102,9 @@ fn a_run_that_was_stopped_goes_on_with_what_it_found() {
 }
 
 #[test]
-fn stereo_takes_the_cameras_that_are_there_though_images_were_left_out() {
+fn stereo_uses_existing_cameras_although_images_are_unregistered() {
     let photos = Photos::new(5);
-    // Two images that show nothing of the carpet.
+    // Two images show nothing of the carpet.
     for k in [5_u32, 6] {
         GrayImage::from_fn(WIDTH, HEIGHT, |x, y| {
             Luma([((x / 9 + k * y / 7) * 31) as u8])

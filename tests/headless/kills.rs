@@ -1,4 +1,6 @@
-//! A kill in the middle of a job loses nothing: one kill of a few kinds. The accuracy tests kill every kind.
+//! A kill in the middle of a job loses nothing: one kill for each of a few kinds of job.
+//!
+//! The accuracy tests kill every kind.
 
 use crate::kill_jobs::{JOBS, kill};
 

@@ -1,4 +1,4 @@
-//! Projected coordinates keep millimetres.
+//! Tests that projected coordinates keep millimetres.
 
 use std::collections::BTreeSet;
 
@@ -11,12 +11,12 @@ use serde_json::Value;
 use super::recording::Recording;
 use crate::program::done;
 
-/// Off the voxels' borders, where the last digit would decide.
+/// Offset from the voxels' borders, where the last digit would decide the voxel.
 const NEAR: DVec3 = DVec3::new(0.00371, 0.00371, 0.00371);
 const UTM: DVec3 = DVec3::new(500_000.0, 5_400_000.0, 300.0);
 const ECEF: DVec3 = DVec3::new(4_000_100.0, 700_400.0, 4_900_800.0);
 
-/// A recording whose cameras, which are not turned, are moved.
+/// Returns a recording whose cameras are moved; they are not rotated.
 fn moved(by: DVec3) -> Recording {
     let recording = Recording::new();
     let mut images = String::new();
@@ -61,7 +61,7 @@ fn global(cloud: &LabelledCloud) -> impl Iterator<Item = DVec3> {
         .map(|at| at.as_dvec3() + cloud.origin)
 }
 
-/// The same points with the same labels, to the millimetre.
+/// Checks that both clouds have the same points and labels, to the millimetre.
 fn assert_same(near: &LabelledCloud, far: &LabelledCloud, by: DVec3) {
     assert_eq!(near.labels, far.labels);
     assert!(near.labels.iter().filter(|label| label.0 == 1).count() > 500);
@@ -71,7 +71,7 @@ fn assert_same(near: &LabelledCloud, far: &LabelledCloud, by: DVec3) {
 }
 
 #[test]
-fn clouds_meshes_and_exports_in_utm_and_ecef_are_those_at_the_origin() {
+fn results_in_utm_and_ecef_equal_those_at_the_origin() {
     let progress = Progress::default();
     let (home, near) = fused(NEAR);
     let near_cloud = read_ply(export(&home, &near, "--cloud", "c.ply").as_ref(), &progress)
@@ -134,7 +134,7 @@ fn clouds_meshes_and_exports_in_utm_and_ecef_are_those_at_the_origin() {
 }
 
 #[test]
-fn a_foreign_ply_of_doubles_scores_to_the_millimetre() {
+fn ply_with_double_coordinates_scores_to_the_millimetre() {
     let progress = Progress::default();
     let (recording, project) = fused(UTM);
     let path = export(&recording, &project, "--cloud", "c.ply");
@@ -158,7 +158,7 @@ fn a_foreign_ply_of_doubles_scores_to_the_millimetre() {
 }
 
 #[test]
-fn scale_multiplies_global_coordinates_and_frames_added_later_fit() {
+fn scale_multiplies_global_coordinates_and_later_frames_fit() {
     let recording = moved(UTM);
     let project = recording.path("project");
     let [color, sparse] = ["color", "sparse"].map(|name| recording.path(name));
@@ -170,7 +170,7 @@ fn scale_multiplies_global_coordinates_and_frames_added_later_fit() {
         ));
         let lines = text.unwrap();
         let of_images = lines.lines().filter(|line| line.ends_with(".png"));
-        // The cameras are not turned.
+        // The cameras are not rotated.
         let number =
             |line: &str, at: usize| -line.split(' ').nth(at).unwrap().parse::<f64>().unwrap();
         of_images
@@ -213,7 +213,7 @@ fn frames_added_later_are_relative_to_the_same_origin() {
     let project = recording.path("project");
     let [color, depth, sparse] = ["color", "depth", "sparse"].map(|name| recording.path(name));
     done(&["new", &project, "--frames", &color]);
-    // Frames without cameras have no coordinates: the origin comes with the first cameras.
+    // Frames without cameras have no coordinates: the first cameras define the origin.
     assert!(done(&["info", &project, "--json"]).contains("\"origin\":[0.0,0.0,0.0]"));
     let more = [
         "add",

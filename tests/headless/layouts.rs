@@ -1,4 +1,4 @@
-//! RGB-D recordings as people have them on their disks: each is opened with its depths and cameras by one command.
+//! Tests that common layouts of RGB-D recordings open by one command, with depth and cameras.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use crate::program::ostra;
 use crate::project::Project;
 use crate::session::perform;
 
-/// Frames in each recording.
+/// Number of frames in each recording.
 const FRAMES: u32 = 4;
 
 fn picture(path: PathBuf) {
@@ -29,7 +29,7 @@ fn depth_picture(path: PathBuf) {
         .unwrap();
 }
 
-/// Camera-to-world of a frame, row by row.
+/// Returns the camera-to-world matrix of a frame, row by row.
 fn matrix(frame: u32) -> String {
     format!(
         "1 0 0 {}\n0 1 0 0.25\n0 0 1 0\n0 0 0 1\n",
@@ -37,14 +37,16 @@ fn matrix(frame: u32) -> String {
     )
 }
 
-/// A `.log` trajectory that counts from `first`.
+/// Returns a `.log` trajectory that counts from `first`.
 fn log(first: u32) -> String {
     (0..FRAMES)
         .map(|k| format!("{0} {0} {1}\n{2}", k + first, k + first + 1, matrix(k)))
         .collect()
 }
 
-/// Opens a recording and checks that each frame has its depth, and the camera of its own number or none.
+/// Opens a recording and checks the depth and camera of each frame.
+///
+/// Each frame must have its depth and the camera with its own number, or none if it is in `lost`.
 fn opens(root: &Path, color: &str, depth: &str, more: &[&str], lost: &[usize]) {
     let [color, depth] = [color, depth].map(|name| root.join(name).display().to_string());
     let project = Project::new(
@@ -65,7 +67,8 @@ fn opens(root: &Path, color: &str, depth: &str, more: &[&str], lost: &[usize]) {
         .collect();
     assert_eq!(lines.len(), FRAMES as usize - lost.len(), "{images}");
     for line in lines {
-        // The number in the picture's name and the shift of its camera are one; the first number may be 0 or 1.
+        // The number in the image's name and the shift of its camera agree; numbers start at 0 or
+        // 1.
         let words: Vec<&str> = line.split_whitespace().collect();
         let number = (0..FRAMES)
             .find(|&k| (words[5].parse::<f64>().unwrap() + 0.1 * f64::from(k)).abs() < 1e-9);
@@ -115,7 +118,8 @@ fn stanford_and_redwood() {
     let cameras = ["--cameras", &trajectory, "--intrinsics", &json];
     opens(root.path(), "lounge_color", "lounge_depth", &cameras, &[]);
 
-    // Redwood's scans: number and time, the times of both not quite the same.
+    // Redwood's names are number and time stamp; the time stamps of image and depth differ
+    // slightly.
     for k in 1..=FRAMES {
         picture(
             root.path()
@@ -156,7 +160,7 @@ fn scannet() {
     );
 }
 
-/// As ScanNet's and RealSense's frames lie on the disk before anything is aligned.
+/// Checks depth from a separate camera, as ScanNet and RealSense record it before alignment.
 #[test]
 #[expect(
     clippy::too_many_lines,
@@ -170,7 +174,7 @@ fn depths_of_a_camera_of_their_own() {
     RgbImage::from_pixel(128, 96, Rgb([90, 120, 60]))
         .save(path("color/0.png"))
         .unwrap();
-    // A board before a wall.
+    // A board in front of a wall.
     let is_board = |x: u32, y: u32| (24..40).contains(&x) && (16..32).contains(&y);
     let depth = |x, y| Luma([if is_board(x, y) { 1500 } else { 3000 }]);
     ImageBuffer::<Luma<u16>, Vec<u16>>::from_fn(64, 48, depth)
@@ -205,7 +209,8 @@ fn depths_of_a_camera_of_their_own() {
     ];
     let project = Project::new(&path("color"), &asked);
 
-    // The sensor lay on its side: what it stored is shown a quarter turn to the right, its depths with it.
+    // The sensor lay on its side: the stored image is shown rotated by a quarter turn to the right,
+    // and so is its depth.
     std::fs::create_dir_all(path("aside")).unwrap();
     let mut encoder = JpegEncoder::new(File::create(path("aside/0.jpg")).unwrap());
     encoder.set_exif_metadata(exif(6)).unwrap();
@@ -224,7 +229,8 @@ fn depths_of_a_camera_of_their_own() {
         [(seen.width, seen.height), (turned.width, turned.height)],
         [(128, 96), (96, 128)]
     );
-    // The board moves by 4 px to the right, the wall by 2; what the board hides from the depth camera stays unknown.
+    // The board moves by 4 px to the right, the wall by 2. The part that the board hides from the
+    // depth camera stays unknown.
     for (x, depth) in [
         (45, 3.0),
         (51, 0.0),

@@ -1,4 +1,4 @@
-//! Tests of everything below the window, most of them of the program as a process: one module a subject.
+//! Tests of everything below the window, most of them through the program as a process.
 
 #[cfg(test)]
 #[path = "../support/crash_child.rs"]

@@ -1,4 +1,4 @@
-//! Masks and labels as other programs write them.
+//! Tests of masks and labels that other programs write.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -35,7 +35,7 @@ impl Images {
         self.dir.path().join(name).to_str().unwrap().to_owned()
     }
 
-    /// A folder with this text in a file.
+    /// Writes a text file and returns its folder.
     fn file(&self, name: &str, text: &str) -> String {
         let path: PathBuf = self.path(name).into();
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -43,7 +43,7 @@ impl Images {
         path.parent().unwrap().to_str().unwrap().to_owned()
     }
 
-    /// A folder with a mask for every image.
+    /// Writes a mask for every image and returns their folder.
     fn masks(&self, name: &str, value: impl Fn(u32, u32) -> u8) -> String {
         std::fs::create_dir_all(self.path(name)).unwrap();
         for k in 0..3 {
@@ -63,7 +63,7 @@ impl Images {
             .unwrap()
     }
 
-    /// Imports masks; returns the warnings.
+    /// Imports masks and returns the warnings.
     fn import(&self, masks: &str, more: &[&str]) -> String {
         let output = self.run(&[&["masks", &self.path("project"), "import", masks], more].concat());
         let text = String::from_utf8(output.stderr).unwrap();
@@ -71,7 +71,7 @@ impl Images {
         text
     }
 
-    /// Imports what must be refused; returns the error.
+    /// Imports masks that must be refused and returns the error.
     fn refused(&self, masks: &str, more: &[&str]) -> String {
         let output = self.run(&[&["masks", &self.path("project"), "import", masks], more].concat());
         let text = String::from_utf8(output.stderr).unwrap();
@@ -79,7 +79,7 @@ impl Images {
         text
     }
 
-    /// The paths of the project's labels.
+    /// Returns the paths of the project's labels.
     fn labels(&self) -> Vec<String> {
         let out = self.path("exported");
         let output = self.run(&[
@@ -121,7 +121,7 @@ fn soft_masks_become_one_label() {
 }
 
 #[test]
-fn the_void_value_gets_no_label() {
+fn void_value_gets_no_label() {
     let images = Images::new();
     let void = images.masks("void", |x, y| match disc(x, y) {
         ..10.0 => 1,
@@ -138,7 +138,7 @@ fn the_void_value_gets_no_label() {
 }
 
 #[test]
-fn white_cut_outs_are_read_by_their_transparency() {
+fn white_cut_outs_are_read_from_their_alpha_channel() {
     let images = Images::new();
     std::fs::create_dir(images.path("cut")).unwrap();
     for k in 0..3 {
@@ -156,7 +156,7 @@ fn white_cut_outs_are_read_by_their_transparency() {
 }
 
 #[test]
-fn labels_of_another_program_are_left_alone() {
+fn label_files_of_other_programs_are_ignored() {
     let images = Images::new();
     let masks = images.masks("set/masks", |x, _| (x / 32) as u8);
     images.file("set/labels.json", r#"{"classes": ["leaf"]}"#);
@@ -227,7 +227,7 @@ fn coco_files_of_other_programs() {
 }
 
 #[test]
-fn yolo_names_are_found_or_missed_aloud() {
+fn yolo_names_are_found_or_reported_missing() {
     let line = "0 0.1 0.1 0.5 0.1 0.5 0.5\r\n1 0.6 0.6 0.9 0.6 0.9 0.9\r\n";
     for (file, text) in [
         ("labels/classes.txt", "\u{feff}leaf\r\nstem\r\n"),
@@ -253,7 +253,7 @@ fn yolo_names_are_found_or_missed_aloud() {
 }
 
 #[test]
-fn headers_that_list_much_are_read_or_refused_at_once() {
+fn large_headers_are_read_or_refused_quickly() {
     let images = Images::new();
     let labels: String = (1..=4000)
         .map(|id| format!("comment label {id} 0 a\n"))

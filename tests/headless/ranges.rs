@@ -1,4 +1,4 @@
-//! Changes of labels over a range of frames, as a process.
+//! Tests of label changes over a range of frames, through the command line.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -22,7 +22,7 @@ fn done(words: &str, folder: &Path) {
     );
 }
 
-/// Six frames on which a red box moves to the right and a blue one stands still.
+/// Creates a project of six frames: a red box moves to the right, a blue one stands still.
 fn project(folder: &Path) {
     std::fs::create_dir(folder.join("frames")).unwrap();
     for frame in 0..6u32 {
@@ -45,7 +45,7 @@ fn project(folder: &Path) {
     }
 }
 
-/// Pixels of the labels 1 and 2 on each frame of the exported masks.
+/// Returns the pixel counts of labels 1 and 2 on each frame of the exported masks.
 fn areas(folder: &Path) -> [[usize; 2]; 6] {
     let out = folder.join("out");
     let _ = std::fs::remove_dir_all(&out);
@@ -86,7 +86,7 @@ fn labels_are_changed_over_a_range() {
 }
 
 #[test]
-fn a_tracker_neither_brings_back_what_was_deleted_nor_changes_what_is_locked() {
+fn tracker_neither_restores_deleted_labels_nor_changes_locked_ones() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     project(folder);
@@ -107,7 +107,7 @@ fn a_tracker_neither_brings_back_what_was_deleted_nor_changes_what_is_locked() {
 }
 
 #[test]
-fn what_cannot_be_done_is_said_in_one_line() {
+fn impossible_change_gives_one_error_line() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     project(folder);

@@ -5,7 +5,9 @@ use tempfile::TempDir;
 
 use crate::program::done;
 
-/// A recording of four 64×48 frames: a red square at 1 m before a grey wall at 2 m, cameras side by side.
+/// A recording of four 64×48 frames: a red square at 1 m in front of a grey wall at 2 m.
+///
+/// The cameras stand side by side.
 pub struct Recording {
     dir: TempDir,
 }
@@ -18,7 +20,8 @@ impl Recording {
         }
         let mut images = String::new();
         for k in 0..4_u32 {
-            // The camera is k · 2 cm to the right; f = 60 px: the square moves by 1.2 px a frame.
+            // Camera k is shifted by k · 2 cm to the right. With f = 60 px the square moves by 1.2
+            // px per frame.
             let left = 20.0 - 1.2 * f64::from(k);
             let inside =
                 |x: u32, y: u32| (f64::from(x) + 0.5 - left).abs() < 8.0 && (14..34).contains(&y);
@@ -58,7 +61,7 @@ impl Recording {
         self.dir.path().join(name).to_str().unwrap().to_owned()
     }
 
-    /// True masks: the square is 16 × 20 pixels on every frame.
+    /// Writes the ground-truth masks and returns their folder; the square has 16 × 20 pixels.
     pub fn truth(&self) -> String {
         let truth = self.path("truth");
         std::fs::create_dir(&truth).unwrap();

@@ -1,10 +1,10 @@
-//! The steps that a project lists make it again elsewhere.
+//! Tests that the recipe of a project recreates it elsewhere.
 
 use super::recording::Recording;
 use crate::program::{done, refused};
 
 #[test]
-fn the_steps_that_a_project_lists_make_it_again_elsewhere() {
+fn recipe_of_a_project_recreates_it_elsewhere() {
     let recording = Recording::new();
     let project = recording.project();
     done(&["label", &project, "thing"]);

@@ -1,4 +1,4 @@
-//! Setting the scale changes every result together.
+//! Tests that setting the scale changes all results together.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
@@ -32,7 +32,7 @@ fn camera() -> Camera {
     )
 }
 
-/// A camera above a speckled carpet that looks at its middle; degrees.
+/// Returns a camera above a speckled carpet that points at its middle; the azimuth is in degrees.
 fn pose(azimuth: f64) -> Pose {
     let (around, up) = (azimuth.to_radians(), 62_f64.to_radians());
     let centre = 3.6 * DVec3::new(around.sin() * up.cos(), -around.cos() * up.cos(), up.sin());
@@ -46,7 +46,7 @@ fn pose(azimuth: f64) -> Pose {
     }
 }
 
-/// Shade of a speckled surface, 0 to 1.
+/// Returns the shade of a speckled surface, 0 to 1.
 fn speckles(x: f64, y: f64) -> f64 {
     let corner = |x: f64, y: f64| {
         let mut mixed =
@@ -65,7 +65,7 @@ fn speckles(x: f64, y: f64) -> f64 {
     0.4 * octave(5.0) + 0.6 * octave(13.0)
 }
 
-/// What a ray from a camera meets: the place on the carpet, and whether it lies on the sheet above its middle.
+/// Returns where a camera ray meets the surface, and whether this is the sheet above the middle.
 fn seen(pose: &Pose, at_px: DVec2) -> (DVec3, bool) {
     let (from, along) = (
         pose.centre(),
@@ -80,7 +80,7 @@ fn seen(pose: &Pose, at_px: DVec2) -> (DVec3, bool) {
     }
 }
 
-/// Photos of a sheet of 1.2 × 1.2 above a carpet, with cameras as a COLMAP model and masks of the sheet.
+/// Images of a sheet of 1.2 × 1.2 above a carpet, with a COLMAP model and masks of the sheet.
 pub(super) struct Photos {
     dir: TempDir,
     poses: Vec<Pose>,
@@ -155,8 +155,9 @@ impl Photos {
         project
     }
 
-    /// Photos with a project that has given cameras, depths by stereo, and a labelled cloud with its surface: made once for all
-    /// tests that run at the same time.
+    /// Returns images with a fused project, shared by all tests that run at the same time.
+    ///
+    /// The project has given cameras, stereo depth, and a labelled cloud with its surface.
     fn fused() -> Arc<Self> {
         static MADE: Mutex<Weak<Photos>> = Mutex::new(Weak::new());
         let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
@@ -182,7 +183,7 @@ impl Photos {
         photos
     }
 
-    /// Options that point at both ends of a line of length 1 on the sheet, as two frames see them.
+    /// Returns options that mark both ends of a line of length 1 on the sheet in two frames.
     fn ends(&self) -> Vec<String> {
         let sees = |frame: usize, x: f64| {
             let pose = &self.poses[frame];
@@ -224,7 +225,7 @@ impl Fused {
         self.dir.path().join("project").display().to_string()
     }
 
-    /// The words that set the length of the line on the sheet.
+    /// Returns the arguments that set the length of the line on the sheet.
     fn scale(&self, more: &[&str]) -> Vec<String> {
         let project = self.project();
         let words: Vec<String> = [&["scale", &project][..], more]
@@ -235,7 +236,7 @@ impl Fused {
         [words, self.photos.ends()].concat()
     }
 
-    /// Everything that is written of a project for others.
+    /// Exports all results of the project.
     fn export(&self, name: &str) -> Exported {
         let (project, folder) = (self.project(), self.dir.path().join(name));
         let path = |name: &str| folder.join(name).display().to_string();
@@ -313,7 +314,7 @@ impl Exported {
         depths_in(&self.folder.join("depths/1.tiff"))
     }
 
-    /// (trait, instance, value, unit) of each row.
+    /// Returns (trait, instance, value, unit) of each row.
     fn traits(&self) -> Vec<(String, String, f64, String)> {
         let text = std::fs::read_to_string(self.folder.join("traits.csv")).unwrap();
         let rows = text
@@ -353,7 +354,7 @@ fn assert_scaled(what: &str, before: &[Vec3], after: &[Vec3], factor: f32) {
     );
 }
 
-/// Every length, area and volume of the table is multiplied by the power of the factor that belongs to it.
+/// Checks that each length, area and volume is multiplied by the matching power of the factor.
 fn assert_traits_scaled(before: &Exported, after: &Exported, factor: f64) {
     let (before, after) = (before.traits(), after.traits());
     assert_eq!(before.len(), after.len());
@@ -408,7 +409,7 @@ fn assert_all_scaled(before: &Exported, after: &Exported, factor: f64) {
     assert_traits_scaled(before, after, factor);
 }
 
-/// The bytes of what stands in a project's folder under plain names.
+/// Returns the files that the project publishes under fixed names.
 fn published(project: &str) -> Vec<(PathBuf, Vec<u8>)> {
     let root = Path::new(project);
     let mut all: Vec<(PathBuf, Vec<u8>)> = ["depths", "sparse"]
@@ -432,7 +433,7 @@ fn votes_of(project: &str) -> Vec<u8> {
 }
 
 #[test]
-fn every_result_is_scaled_in_one_step_and_undo_brings_the_bytes_back() {
+fn every_result_is_scaled_in_one_step_and_undo_restores_the_bytes() {
     let fused = Fused::new();
     let project = fused.project();
     let before = fused.export("before");
@@ -453,7 +454,7 @@ fn every_result_is_scaled_in_one_step_and_undo_brings_the_bytes_back() {
         stale(&info),
         "what fitted before fits as before"
     );
-    // What lies under plain names for other programs is scaled, too.
+    // The files under fixed names for other programs are scaled, too.
     let root = Path::new(&project);
     let plain = read_ply(&root.join("cloud.ply"), &Progress::default())
         .unwrap()
@@ -483,7 +484,7 @@ fn every_result_is_scaled_in_one_step_and_undo_brings_the_bytes_back() {
     assert_all_scaled(&before, &fused.export("redone"), 0.3);
 }
 
-/// Both outputs of a run that succeeds.
+/// Runs a command that must succeed and returns both outputs.
 pub(super) fn done_with_both(args: &[String]) -> String {
     let args: Vec<&str> = args.iter().map(String::as_str).collect();
     let output = ostra(&args);
@@ -501,21 +502,21 @@ fn refused_scale(args: &[String]) -> String {
 }
 
 #[test]
-fn work_goes_on_in_the_new_scale() {
+fn work_continues_in_the_new_scale() {
     let fused = Fused::new();
     let project = fused.project();
     let before = fused.export("before");
-    // Twice: the ends are pixels, the length between them is half a metre, then two.
+    // The length of the same line in pixels is set twice: half a unit, then two.
     done_with_both(&fused.scale(&["--length", "0.5"]));
     done_with_both(&fused.scale(&["--length", "2"]));
     assert_all_scaled(&before, &fused.export("twice"), 2.0);
-    // The masks only vote again: the points stay what they are.
+    // The masks only vote again: the points do not change.
     let points = fused.export("points").cloud();
     done(&["masks", &project, "import", &fused.photos.path("masks")]);
     let said = done_with_both(&["fuse".to_owned(), project.clone()]);
     assert!(!said.contains("warning"), "{said}");
     assert_eq!(fused.export("again").cloud(), points);
-    // A frame whose given camera is added now stands where it stood among the others.
+    // A frame added now with its given camera gets the position it had among the others.
     let again = Exported {
         folder: fused.dir.path().join("again"),
     };
@@ -535,7 +536,7 @@ fn work_goes_on_in_the_new_scale() {
             .all(|poses| poses[3].distance(again.translations()[3]) < 1e-6),
         "{poses:?}"
     );
-    // Made from nothing, points and surface have the size that the cameras have.
+    // After a full fusion, points and surface have the size of the cameras' scale.
     done(&["fuse", &project, "--min-confidence", "0.1"]);
     let made = fused.export("made");
     let extent = |points: &[Vec3]| {
@@ -548,7 +549,7 @@ fn work_goes_on_in_the_new_scale() {
 }
 
 #[test]
-fn what_cannot_be_scaled_is_refused_and_nothing_changes() {
+fn failed_scaling_is_refused_and_changes_nothing() {
     let fused = Fused::new();
     let project = fused.project();
     let root = PathBuf::from(&project);
@@ -653,7 +654,7 @@ fn one_damaged_depth_map_does_not_stop_the_scale() {
 }
 
 #[test]
-fn a_sensor_gives_the_scale() {
+fn scale_of_a_depth_sensor_cannot_be_changed() {
     let recording = Recording::new();
     let project = recording.project();
     let ends = [
@@ -664,7 +665,7 @@ fn a_sensor_gives_the_scale() {
 }
 
 #[test]
-fn a_given_cloud_is_voted_on_at_the_size_it_was_scaled_to() {
+fn given_cloud_keeps_its_scale_when_voted_again() {
     let fused = Fused::new();
     let project = fused.project();
     fused.export("given");
@@ -683,7 +684,7 @@ fn a_given_cloud_is_voted_on_at_the_size_it_was_scaled_to() {
             .cloud
     };
     let scaled = positions();
-    // With other options the file is read again, whose points are those of before.
+    // With other options the file is read again; its points must equal the scaled ones.
     done(&[&["fuse", &project, "--onto", &given][..], &options].concat());
     let again = positions();
     assert_eq!(again.positions, scaled.positions);
@@ -695,7 +696,7 @@ fn world(x: f64) -> ScaleEnd {
 }
 
 #[test]
-fn lengths_have_a_unit_only_at_the_scale_that_was_set() {
+fn lengths_have_a_unit_only_after_the_scale_is_set() {
     let photos = Photos::new(5);
     let project = photos.project("project", &[]);
     done(&["reconstruct", &project, "--method", "sfm"]);
@@ -740,7 +741,8 @@ fn lengths_have_a_unit_only_at_the_scale_that_was_set() {
     perform(&mut session, Command::Redo).unwrap();
     drop(session);
     assert_eq!(unit().as_deref(), Some("m"));
-    // Cameras that are found again have no scale: the cloud of before keeps its own, and is not scaled with them.
+    // Newly estimated cameras have no scale. The earlier cloud keeps its own and is not scaled with
+    // them.
     done(&["reconstruct", &project, "--method", "sfm"]);
     assert_eq!(unit().as_deref(), Some("m"));
     let cloud = std::fs::read(Path::new(&project).join("cloud.ply")).unwrap();
@@ -755,7 +757,7 @@ fn lengths_have_a_unit_only_at_the_scale_that_was_set() {
     );
 }
 
-/// The points of a COLMAP text file as a PLY.
+/// Writes the points of a COLMAP text file as a PLY.
 fn write_points(points: &str, ply: &str) {
     let text = std::fs::read_to_string(points).unwrap();
     let rows: Vec<String> = text

@@ -1,4 +1,4 @@
-//! Pictures and films of the cloud, as a user of the command line makes them.
+//! Tests of images and videos of the cloud, through the command line.
 
 use std::path::Path;
 use std::process::Command;
@@ -6,7 +6,7 @@ use std::process::Command;
 use super::recording::Recording;
 use crate::program::{done, refused};
 
-/// A project whose red thing is labelled on all four frames, voted on.
+/// Returns a project whose red thing is labelled on all four frames and fused.
 fn voted(recording: &Recording) -> String {
     let project = recording.project();
     done(&["label", &project, "thing", "--color", "#d02818"]);
@@ -20,7 +20,7 @@ fn voted(recording: &Recording) -> String {
 }
 
 #[test]
-fn every_colour_shows_what_it_says_in_the_middle_of_the_thing() {
+fn every_colouring_gives_the_expected_colour() {
     let recording = Recording::new();
     let project = voted(&recording);
     let shot = recording.path("shot.png");
@@ -60,7 +60,7 @@ fn every_colour_shows_what_it_says_in_the_middle_of_the_thing() {
 }
 
 #[test]
-fn a_transparent_picture_covers_what_is_drawn_and_nothing_else() {
+fn transparent_image_covers_only_drawn_pixels() {
     let recording = Recording::new();
     let project = voted(&recording);
     for (model, partly) in [("cloud", false), ("mesh", true)] {
@@ -94,7 +94,7 @@ fn a_transparent_picture_covers_what_is_drawn_and_nothing_else() {
     }
 }
 
-/// A command that writes a turntable video of six images.
+/// Returns a command that writes a turntable video of six images.
 fn turntable<'a>(project: &'a str, shot: &'a str, video: &'a str, size: &'a str) -> [&'a str; 11] {
     [
         "shot",
@@ -112,7 +112,7 @@ fn turntable<'a>(project: &'a str, shot: &'a str, video: &'a str, size: &'a str)
 }
 
 #[test]
-fn a_turntable_video_without_ffmpeg_says_what_is_missing() {
+fn turntable_video_without_ffmpeg_names_the_missing_program() {
     let recording = Recording::new();
     let project = voted(&recording);
     let (shot, film) = (recording.path("shot.png"), recording.path("turn.mp4"));
@@ -131,7 +131,7 @@ fn a_turntable_video_without_ffmpeg_says_what_is_missing() {
 
 #[test]
 #[ignore = "needs ffmpeg: add --include-ignored"]
-fn a_turntable_video_has_the_images_asked_for() {
+fn turntable_video_has_the_requested_images() {
     let recording = Recording::new();
     let project = voted(&recording);
     let (shot, film) = (recording.path("shot.png"), recording.path("turn.mp4"));
@@ -151,11 +151,11 @@ fn a_turntable_video_has_the_images_asked_for() {
     assert!(!Path::new(&recording.path("turn.part.mp4")).exists());
 }
 
-/// On a full disk ffmpeg may cut a film short and end well.
+/// On a full disk ffmpeg may truncate a video and still exit successfully.
 #[cfg(unix)]
 #[test]
 #[ignore = "needs ffmpeg: add --include-ignored"]
-fn a_film_that_was_cut_short_is_an_error() {
+fn truncated_video_is_an_error() {
     use std::os::unix::fs::PermissionsExt;
     let recording = Recording::new();
     let project = voted(&recording);

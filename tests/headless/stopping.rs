@@ -1,4 +1,4 @@
-//! Every job stops at once, keeps what it finished, and uses a bounded share of memory.
+//! Tests that jobs stop promptly, keep what they finished, and use bounded memory.
 
 use std::io::Read;
 use std::path::Path;
@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use super::recording::Recording;
 use crate::program::{contents, done, refused};
 
-/// A project with masks, a cloud and a surface.
+/// Returns a project with masks, a cloud and a surface.
 fn fused(recording: &Recording) -> String {
     let project = recording.project();
     done(&["label", &project, "thing", "--color", "#d02818"]);
@@ -54,8 +54,10 @@ fn pause(milliseconds: u64) {
     std::thread::sleep(Duration::from_millis(milliseconds));
 }
 
-/// Whether a process that was interrupted ended as it must: by itself before, or with 130. A signal that comes before the program
-/// watches for it ends it as a shell reports it, with 130 too.
+/// Returns whether an interrupted process ended correctly: by itself before, or with exit code 130.
+///
+/// A signal that arrives before the program watches for it ends the process. A shell reports that
+/// as 130, too.
 #[cfg(unix)]
 fn is_stopped_or_done(status: ExitStatus) -> bool {
     use std::os::unix::process::ExitStatusExt;
@@ -75,7 +77,7 @@ fn temporary_files(folder: &Path) -> Vec<String> {
     clippy::too_many_lines,
     reason = "under 80 lines before rustfmt's defaults; to be split"
 )]
-fn every_command_ends_at_an_interrupt_and_leaves_whole_files_only() {
+fn interrupted_command_ends_and_leaves_only_complete_files() {
     let recording = Recording::new();
     let project = fused(&recording);
     let (cloud, masks) = (recording.path("truth.ply"), recording.path("truth-masks"));
@@ -158,7 +160,7 @@ fn every_command_ends_at_an_interrupt_and_leaves_whole_files_only() {
             }
             done(&["info", &project]);
         }
-        // The largest image and the whole demo last longer than the moments.
+        // The largest image and the whole demo take longer than the last moment.
         assert!(
             stopped > 0 || !matches!(number, 0 | 12),
             "{command:?} went on after every interrupt"
@@ -171,10 +173,12 @@ fn every_command_ends_at_an_interrupt_and_leaves_whole_files_only() {
     );
 }
 
-/// A project of a stranger can name a pipe that has no writer: reading it would wait for ever.
+/// Checks that a pipe instead of an image is refused.
+///
+/// An untrusted project can name a pipe that has no writer: reading it would wait forever.
 #[cfg(unix)]
 #[test]
-fn a_pipe_in_the_place_of_an_image_is_refused() {
+fn pipe_instead_of_an_image_is_refused() {
     let recording = Recording::new();
     let project = recording.project();
     done(&["label", &project, "thing"]);
@@ -196,7 +200,9 @@ fn a_pipe_in_the_place_of_an_image_is_refused() {
     );
 }
 
-/// A project and a fake ffmpeg that writes half a video and goes on; `make` starts a turntable with it.
+/// A project and a fake ffmpeg that writes half a video and keeps running.
+///
+/// `make` starts a turntable with it.
 #[cfg(unix)]
 struct Video {
     recording: Recording,
@@ -267,7 +273,7 @@ impl Video {
     }
 }
 
-/// A helper program that goes on by itself: the process that started it must not leave it behind.
+/// Checks that a helper program that keeps running ends with the process that started it.
 #[cfg(unix)]
 #[test]
 fn helper_programs_end_with_the_command() {
@@ -291,7 +297,7 @@ fn helper_programs_end_with_the_command() {
 
 #[cfg(unix)]
 #[test]
-fn what_a_killed_video_left_goes_with_the_next_export() {
+fn next_export_removes_files_of_a_killed_video() {
     let video = Video::new();
     let mut child = video.make();
     child.kill().unwrap();
@@ -381,11 +387,12 @@ fn recipes_with_numbers_out_of_range_are_refused() {
 }
 
 #[test]
-fn fusion_reports_the_voxel_size_that_it_chose() {
+fn fusion_reports_the_chosen_voxel_size() {
     let recording = Recording::new();
     let project = recording.project();
     let said = done(&["fuse", &project]);
-    // The wall is 2 m away and the focal length 60 px; all four frames see nearly the same.
+    // The wall is 2 m away and the focal length is 60 px; all four frames see nearly the same
+    // region.
     assert!(
         said.contains("voxel 0.033 (chosen: a pixel covers 0.033"),
         "{said}"

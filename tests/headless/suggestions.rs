@@ -1,4 +1,4 @@
-//! Things that no label explains, offered by the program as a process.
+//! Tests of suggestions for unlabelled objects, through the command line.
 
 use std::path::Path;
 use std::process::Command;
@@ -22,7 +22,7 @@ fn ostra(words: &str, folder: &Path) -> String {
     String::from_utf8(out.stdout).unwrap()
 }
 
-/// A grain of 5 px that is the same wherever it is asked for.
+/// Returns a texture of 5 px cells that is a fixed function of the position.
 fn grain(x: u32, y: u32, salt: u32) -> u8 {
     let cell = (x / 5)
         .wrapping_mul(7_349)
@@ -31,7 +31,7 @@ fn grain(x: u32, y: u32, salt: u32) -> u8 {
     (cell.wrapping_mul(cell) >> 7 & 127) as u8
 }
 
-/// The left edge of the grainy box that goes its own way over a grainy ground that slides.
+/// Returns the left edge of the box, which moves on its own over sliding, textured ground.
 fn box_left(frame: u32) -> u32 {
     90 + 4 * frame
 }
@@ -48,7 +48,7 @@ fn picture(frame: u32) -> RgbImage {
     })
 }
 
-/// Frame and pixel of each line.
+/// Returns the frame and pixel of each line.
 fn found(text: &str) -> Vec<(u32, u32, u32)> {
     let moves = text
         .lines()
@@ -76,7 +76,7 @@ fn found(text: &str) -> Vec<(u32, u32, u32)> {
 }
 
 #[test]
-fn a_thing_that_moves_on_its_own_is_offered_until_a_label_explains_it() {
+fn independently_moving_object_is_suggested_until_it_is_labelled() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     std::fs::create_dir(folder.join("frames")).unwrap();
@@ -109,7 +109,7 @@ fn a_thing_that_moves_on_its_own_is_offered_until_a_label_explains_it() {
 }
 
 #[test]
-fn frames_that_cannot_be_read_are_named_in_one_line() {
+fn unreadable_frames_are_named_in_one_line() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     std::fs::create_dir(folder.join("frames")).unwrap();
@@ -157,7 +157,7 @@ fn frames_that_cannot_be_read_are_named_in_one_line() {
 }
 
 #[test]
-fn proposals_say_what_they_need() {
+fn proposals_name_the_missing_network() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     std::fs::create_dir(folder.join("frames")).unwrap();
@@ -165,7 +165,7 @@ fn proposals_say_what_they_need() {
     ostra("new p --frames frames", folder);
     let program = || Command::new(env!("CARGO_BIN_EXE_ostra"));
     let asked = ["suggest", "p", "--frame", "0"];
-    // Nothing is installed in this folder.
+    // No network is installed in this folder.
     let out = program()
         .args(asked)
         .current_dir(folder)

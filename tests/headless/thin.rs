@@ -1,4 +1,6 @@
-//! The thin-structure tool on the made scene: three points along a blade or culm against its true pixels.
+//! Tests the thin-structure tool on the synthetic scene.
+//!
+//! Three points along a blade or culm must give its ground-truth pixels.
 
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -7,7 +9,9 @@ use glam::DVec2;
 use ostra_eval::synthetic::{RenderedView, Scene, SceneOptions};
 use ostra_masks::{LabelId, LabelMask, Region, squared_depth_in, trace};
 
-/// Steps from a pixel to all pixels that can be reached from it through the region; gaps of one pixel are no end.
+/// Returns the number of steps from `start` to each reachable pixel of the region.
+///
+/// Gaps of one pixel are crossed.
 fn steps_from(region: &Region, start: usize) -> Vec<Option<u32>> {
     let (width, height) = (i64::from(region.width), i64::from(region.height));
     let mut steps = vec![None; region.inside.len()];
@@ -32,7 +36,7 @@ fn steps_from(region: &Region, start: usize) -> Vec<Option<u32>> {
     steps
 }
 
-/// Points along the middle of a region that is in one piece, from end to end; none where it is in pieces.
+/// Returns points along a connected region from end to end; `None` if it is not connected.
 fn along(region: &Region, count: usize) -> Option<Vec<DVec2>> {
     let start = region.inside.iter().position(|&inside| inside)?;
     let farthest = |steps: &[Option<u32>]| (0..steps.len()).max_by_key(|&at| steps[at]);
@@ -56,7 +60,7 @@ fn along(region: &Region, count: usize) -> Option<Vec<DVec2>> {
     (0..count).map(point).collect()
 }
 
-/// The parts of the plant that are in one piece and long: blades, and culms with the sheaths around them.
+/// Returns the long, connected parts of the plant: blades, and culms with their sheaths.
 fn parts(scene: &Scene, mask: &LabelMask) -> Vec<(String, Region)> {
     let named = |wanted: &'static str| {
         scene
@@ -107,7 +111,7 @@ fn score(scene: &Scene, view: &RenderedView, scores: &mut Vec<f64>) {
 }
 
 #[test]
-fn three_points_give_a_blade_or_culm_of_the_made_plant() {
+fn three_points_trace_a_blade_or_culm_of_the_synthetic_plant() {
     let scene = Scene::build(&SceneOptions::default()).unwrap();
     let mut scores = Vec::new();
     for at in [0, 8, 16, 23] {
@@ -127,7 +131,7 @@ fn three_points_give_a_blade_or_culm_of_the_made_plant() {
     );
 }
 
-/// The middle of the first, the middle and the last row of a region.
+/// Returns the middle of the first, the middle and the last row of a region.
 fn upright(region: &Region) -> Option<[DVec2; 3]> {
     let rows: Vec<u32> = (0..region.height)
         .filter(|&y| (0..region.width).any(|x| region.at(x, y)))
@@ -150,7 +154,7 @@ fn upright(region: &Region) -> Option<[DVec2; 3]> {
 }
 
 #[test]
-fn a_long_culm_in_a_large_picture_is_traced_while_one_waits() {
+fn long_culm_in_a_large_image_is_traced_interactively() {
     let options = SceneOptions {
         width: 1280,
         height: 720,

@@ -1,4 +1,4 @@
-//! Two processes that want the same place at the same time.
+//! Tests of processes that write to the same place at the same time.
 
 use std::fs::{self, File};
 use std::path::Path;
@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::recording::Recording;
 use crate::program::{done, refused};
 
-/// Starts the commands at once; the exit codes and what they said on standard error.
+/// Runs the commands at the same time; returns their exit codes and standard error outputs.
 fn together(commands: &[Vec<&str>]) -> Vec<(Option<i32>, String)> {
     let start = |args: &Vec<&str>| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_ostra"));
@@ -39,7 +39,7 @@ fn together(commands: &[Vec<&str>]) -> Vec<(Option<i32>, String)> {
 }
 
 #[test]
-fn of_processes_that_make_the_same_project_one_makes_it() {
+fn only_one_of_several_processes_creates_the_project() {
     let recording = Recording::new();
     fs::create_dir(recording.path("fewer")).unwrap();
     for name in ["0.png", "1.png"] {
@@ -51,7 +51,7 @@ fn of_processes_that_make_the_same_project_one_makes_it() {
     }
     let folders = [recording.path("color"), recording.path("fewer")];
     for round in 0..6 {
-        // Also where a folder above is missing, which the slower one must not take away.
+        // The parent folder is missing, too; a slower process must not remove it.
         let project = recording.path(&format!("above-{round}/project"));
         let command = |frames| vec!["new", project.as_str(), "--frames", frames];
         let commands: Vec<Vec<&str>> = (0..4)
@@ -81,7 +81,7 @@ fn of_processes_that_make_the_same_project_one_makes_it() {
 }
 
 #[test]
-fn a_place_that_another_export_writes_to_is_refused_until_it_has_ended() {
+fn export_to_a_place_in_use_is_refused_until_the_other_ends() {
     let recording = Recording::new();
     let project = recording.project();
     done(&["fuse", &project, "--voxel", "0.02"]);
@@ -91,7 +91,7 @@ fn a_place_that_another_export_writes_to_is_refused_until_it_has_ended() {
     ]);
     let (cloud, masks) = (recording.path("out/c.ply"), recording.path("out/masks"));
     fs::create_dir_all(&masks).unwrap();
-    // What a running export holds: a list of its files, locked.
+    // A running export holds a locked list of its files.
     let claim = |folder: &str, names: &str| {
         let path = Path::new(folder).join(".ostra-exporting.other.tmp");
         fs::write(&path, names).unwrap();
@@ -123,7 +123,7 @@ fn a_place_that_another_export_writes_to_is_refused_until_it_has_ended() {
 }
 
 #[test]
-fn exports_of_other_names_run_at_once() {
+fn exports_to_different_files_run_concurrently() {
     let recording = Recording::new();
     let project = recording.project();
     done(&["fuse", &project, "--voxel", "0.02"]);
@@ -135,7 +135,7 @@ fn exports_of_other_names_run_at_once() {
         .map(|cloud| vec!["export", project.as_str(), "--cloud", cloud.as_str()])
         .collect();
     for _ in 0..3 {
-        // The second time each finds its own export in the record of all.
+        // From the second round on, each export finds its own entry in the shared record.
         let ended = together(&commands);
         assert!(ended.iter().all(|(code, _)| *code == Some(0)), "{ended:?}");
     }

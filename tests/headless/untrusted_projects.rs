@@ -1,4 +1,6 @@
-//! Projects of strangers, damaged projects, read-only folders, moved data: nothing outside the folder is touched, nothing is lost.
+//! Tests of untrusted and damaged projects, read-only folders and moved data.
+//!
+//! Nothing outside the project folder is changed, and nothing is lost.
 
 use std::fs;
 use std::ops::ControlFlow;
@@ -15,7 +17,7 @@ use tempfile::TempDir;
 use super::recording::Recording;
 use crate::program::{contents, done, ostra, refused};
 
-/// A recording with a project that has masks, a cloud and a history.
+/// Returns a recording and its project with masks, a cloud and a history.
 fn finished() -> &'static (Recording, String) {
     static FINISHED: OnceLock<(Recording, String)> = OnceLock::new();
     FINISHED.get_or_init(|| {
@@ -33,7 +35,7 @@ fn finished() -> &'static (Recording, String) {
     })
 }
 
-/// A copy of the finished project, and files next to it that nothing may touch.
+/// A copy of the finished project, next to foreign files that must not change.
 struct Copy {
     dir: TempDir,
     project: String,
@@ -69,7 +71,7 @@ impl Copy {
         );
     }
 
-    /// Makes steps whose records stay in the journal, as after a kill.
+    /// Adds labels whose steps exist only in the journal, as after a kill.
     fn make_steps(&self, labels: &[&str]) {
         let before: Vec<_> = ["project.toml", "history.jsonl"]
             .map(|name| fs::read(self.file(name)).unwrap())
@@ -113,7 +115,7 @@ fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// Runs what must succeed; returns what it printed and its warnings.
+/// Runs a command that must succeed; returns its output and its warnings.
 fn warned(args: &[&str]) -> (String, String) {
     let output = ostra(args);
     assert!(output.status.success(), "{args:?}: {}", stderr(&output));
@@ -209,7 +211,7 @@ fn links_inside_the_project_are_followed_but_not_out_of_it() {
 
 #[test]
 #[cfg(unix)]
-fn files_with_a_second_name_elsewhere_and_temporary_names_are_no_way_out() {
+fn hard_links_and_temporary_names_do_not_lead_outside() {
     use std::os::unix::fs::symlink;
     let copy = Copy::new();
     for name in ["journal.jsonl", "history.jsonl", "recipe.jsonl", ".lock"] {
@@ -251,7 +253,7 @@ fn files_with_a_second_name_elsewhere_and_temporary_names_are_no_way_out() {
 }
 
 #[test]
-fn names_in_a_project_lead_to_no_file_outside() {
+fn names_in_a_project_do_not_lead_outside() {
     for (from, to) in [
         ("name = \"0.png\"", "name = \"../theirs/notes\""),
         ("name = \"0.png\"", "name = \"/etc/x\""),
@@ -271,7 +273,7 @@ fn names_in_a_project_lead_to_no_file_outside() {
         text.find("[frames.depth]").unwrap(),
         text.find("[frames.camera").unwrap(),
     );
-    // Only the project's own folders are checked for links.
+    // Links are checked only in the project's own folders.
     for place in ["../theirs/notes", "theirs/notes"] {
         let made = format!("[frames.depth]\nmade = \"{place}\"\nscale = 1.0\n\n");
         fs::write(
@@ -285,7 +287,7 @@ fn names_in_a_project_lead_to_no_file_outside() {
 }
 
 #[test]
-fn looking_at_a_project_writes_nothing() {
+fn viewing_a_project_writes_nothing() {
     let copy = Copy::new();
     copy.make_steps(&["one", "two"]);
     let mut journal = fs::read(copy.file("journal.jsonl")).unwrap();
@@ -332,7 +334,7 @@ fn looking_at_a_project_writes_nothing() {
     assert!(!copy.file("versions/.ostra-cloud.ply.x.tmp").exists());
 }
 
-/// Makes a folder refuse all writing: for the administrator by a mount, for others by permissions.
+/// Makes a folder read-only: by a mount for the administrator, by permissions for other users.
 #[cfg(target_os = "linux")]
 struct ReadOnly<'a> {
     folder: &'a str,
@@ -341,7 +343,7 @@ struct ReadOnly<'a> {
 
 #[cfg(target_os = "linux")]
 impl<'a> ReadOnly<'a> {
-    /// `None` where neither is possible: an administrator who may not mount.
+    /// Returns `None` if neither is possible: for an administrator who may not mount.
     fn new(folder: &'a str) -> Option<Self> {
         let mount = |args: &[&str]| {
             std::process::Command::new("mount")
@@ -393,7 +395,7 @@ impl Drop for ReadOnly<'_> {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn a_project_on_read_only_media_can_be_viewed_but_not_changed() {
+fn project_on_read_only_media_can_be_viewed_but_not_changed() {
     let copy = Copy::new();
     let Some(read_only) = ReadOnly::new(&copy.project) else {
         println!("not tested: an administrator who may not mount can write everywhere");
@@ -442,7 +444,7 @@ fn a_project_on_read_only_media_can_be_viewed_but_not_changed() {
 }
 
 #[test]
-fn damaged_journal_costs_the_steps_from_there_on_and_is_kept() {
+fn damaged_journal_loses_the_steps_from_there_on_and_is_kept() {
     type Spoil = fn(&mut Vec<u8>, usize);
     let spoils: [(Spoil, &str); 3] = [
         (
@@ -464,7 +466,7 @@ fn damaged_journal_costs_the_steps_from_there_on_and_is_kept() {
         let mut bytes = fs::read(copy.file("journal.jsonl")).unwrap();
         let second = bytes.iter().position(|&byte| byte == b'\n').unwrap() + 1;
         if says == "lacks step" {
-            // The second of three lines is gone.
+            // The second of three lines is missing.
             let third = second
                 + bytes[second..]
                     .iter()
@@ -509,7 +511,10 @@ fn damaged_journal_costs_the_steps_from_there_on_and_is_kept() {
     }
 }
 
-/// A journal whose first step is missing comes from another time; one whose line ends a tool changed is one long line.
+/// Checks that unusable journals are kept under another name.
+///
+/// A journal without its first step belongs to another state. A tool that changed the line ends
+/// turned the journal into one long line.
 #[test]
 fn journals_that_cannot_be_used_at_all_are_kept_aside() {
     type Spoil = fn(&str) -> String;
@@ -549,7 +554,7 @@ fn journals_that_cannot_be_used_at_all_are_kept_aside() {
     }
 }
 
-/// A file of this size costs its header alone: it is another size than the frame.
+/// Checks that a mask of another size is refused by its header, without decoding it.
 #[test]
 fn masks_of_another_size_are_refused_by_their_header() {
     let copy = Copy::new();
@@ -562,7 +567,7 @@ fn masks_of_another_size_are_refused_by_their_header() {
         .write_image_data(&vec![0; 16_000 * 2_000])
         .unwrap();
     fs::write(copy.file("masks/1.png"), &bomb).unwrap();
-    // 300 MB of address space for everything; decoded it would take more than 500.
+    // About 400 MB of address space for the whole process; decoding would take more than 500 MB.
     let script = format!(
         "ulimit -v 400000; exec {} info {}",
         env!("CARGO_BIN_EXE_ostra"),
@@ -581,7 +586,7 @@ fn masks_of_another_size_are_refused_by_their_header() {
 }
 
 #[test]
-fn damaged_history_costs_the_undo_and_is_kept() {
+fn damaged_history_loses_undo_and_is_kept() {
     let whole = fs::read(Path::new(&finished().1).join("history.jsonl")).unwrap();
     let first = whole.iter().position(|&byte| byte == b'\n').unwrap() + 1;
     let second = first
@@ -694,7 +699,7 @@ fn damaged_masks_and_origins_are_reported_and_kept() {
 }
 
 #[test]
-fn votes_of_another_cloud_are_refused_until_it_is_fused_again() {
+fn votes_of_another_cloud_are_refused_until_the_next_fusion() {
     let copy = Copy::new();
     let path = copy.file("versions/cloud-1.ply");
     let cloud = read_ply(&path, &Progress::default()).unwrap().cloud;
@@ -741,20 +746,21 @@ fn votes_of_another_cloud_are_refused_until_it_is_fused_again() {
         "--size",
         "64x48",
     ]);
-    // Masks voting again need no new points, but these cannot be used.
+    // A vote of the masks normally reuses the points, but these cannot be used.
     done(&["fuse", &copy.project, "--voxel", "0.03"]);
     assert_eq!(warned(&["doubt", &copy.project]).1, "");
 }
 
-/// Every file of a project, damaged in every way: looking at it and changing it ends, changes nothing outside, and tells what
-/// is missing.
+/// Damages every file of a project in every way, then views and changes the project.
+///
+/// Each command must end, change nothing outside, and report what is missing.
 #[test]
 #[cfg(unix)]
 #[expect(
     clippy::too_many_lines,
     reason = "under 80 lines before rustfmt's defaults; to be split"
 )]
-fn whatever_file_is_damaged_nothing_is_lost_silently() {
+fn damage_to_any_file_is_never_silent() {
     use std::os::unix::fs::symlink;
     let whole = done(&["info", &finished().1, "--json"]);
     let root = Path::new(&finished().1);
@@ -805,7 +811,7 @@ fn whatever_file_is_damaged_nothing_is_lost_silently() {
         ("missing", |path, _| fs::remove_file(path).unwrap()),
     ];
     for name in &files {
-        // Results are read when they are asked for; two kinds of damage stand for all there.
+        // Results are read on request; there, two kinds of damage stand for all.
         let is_result =
             name.starts_with("versions") || name.ends_with(".ply") || name.ends_with(".bin");
         for (kind, spoil) in spoils
@@ -842,7 +848,8 @@ fn whatever_file_is_damaged_nothing_is_lost_silently() {
                 files_below(Path::new(&copy.project), &mut all);
                 all.iter().any(|path| bytes(path).starts_with(&damaged))
             };
-            // A torn line and plain names of results may go: the one is no step, the others are copies.
+            // An incomplete line is not a step, and results under fixed names are copies: both may
+            // go.
             let is_copy = !name.contains('/') && !name.ends_with(".jsonl");
             let kept =
                 damaged.is_none_or(|damaged| kind == "truncate" || is_copy || is_kept(damaged));
@@ -854,7 +861,7 @@ fn whatever_file_is_damaged_nothing_is_lost_silently() {
     }
 }
 
-/// The regular files below a folder.
+/// Appends the regular files below a folder to `all`.
 fn files_below(folder: &Path, all: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap().flatten() {
         match entry.file_type().unwrap() {
@@ -866,7 +873,7 @@ fn files_below(folder: &Path, all: &mut Vec<PathBuf>) {
 }
 
 #[test]
-fn a_project_moved_with_its_images_simply_opens() {
+fn project_moved_with_its_images_opens() {
     let recording = Recording::new();
     let project = recording.project();
     done(&["label", &project, "thing"]);
@@ -882,15 +889,16 @@ fn a_project_moved_with_its_images_simply_opens() {
     let moved = set.join("project").to_str().unwrap().to_owned();
     assert_eq!(warned(&["fuse", &moved, "--voxel", "0.03"]).1, "");
     assert_eq!(warned(&["info", &moved]).1, "");
-    // The project alone goes on with the images where they are.
+    // The project alone still finds the images where they are.
     let alone = elsewhere.path().join("alone").to_str().unwrap().to_owned();
     fs::rename(&moved, &alone).unwrap();
     assert_eq!(warned(&["fuse", &alone, "--voxel", "0.05"]).1, "");
-    fs::create_dir(Path::new(&project).parent().unwrap()).unwrap(); // the recording removes it
+    // `Recording` removes this folder at the end.
+    fs::create_dir(Path::new(&project).parent().unwrap()).unwrap();
 }
 
 #[test]
-fn sources_of_an_older_project_are_found_next_to_it_but_no_others_are_taken() {
+fn sources_of_an_older_project_are_found_next_to_it_but_not_replaced_by_others() {
     let recording = Recording::new();
     let project = recording.project();
     let toml = Path::new(&project).join("project.toml");
@@ -919,7 +927,7 @@ fn sources_of_an_older_project_are_found_next_to_it_but_no_others_are_taken() {
     );
     assert_eq!(warned(&["info", &moved]).1, "");
 
-    // Other images of the same names are not taken.
+    // Other images with the same names are not used.
     let other = elsewhere.path().join("other");
     fs::create_dir_all(other.join("color")).unwrap();
     (0..4).for_each(|k| {
@@ -979,7 +987,7 @@ fn relocate_points_frames_to_the_same_files_elsewhere() {
     ]);
     assert!(said.contains("4 frames are read from"), "{said}");
     assert_eq!(warned(&["fuse", &project, "--voxel", "0.03"]).1, "");
-    // One image was deleted on the way: the others are found all the same.
+    // One image was deleted during the move; the others are still found.
     fs::rename(to("images"), to("moved")).unwrap();
     fs::remove_file(format!("{}/2.png", to("moved"))).unwrap();
     let (said, warnings) = warned(&["relocate", &project, &to("images"), &to("moved")]);
@@ -990,10 +998,13 @@ fn relocate_points_frames_to_the_same_files_elsewhere() {
     );
 }
 
-/// A limit on the size of files stands for a full disk: the step fits into the journal, the checkpoint does not fit.
+/// Checks that a step in the journal counts as made although the checkpoint fails.
+///
+/// A limit on the size of files stands for a full disk: the step fits into the journal, the
+/// checkpoint does not.
 #[test]
 #[cfg(unix)]
-fn a_step_that_was_made_is_not_reported_as_failed() {
+fn completed_step_is_not_reported_as_failed() {
     let copy = Copy::new();
     let size = fs::metadata(copy.file("project.toml")).unwrap().len();
     assert!(size > 2048, "{size}");
@@ -1063,7 +1074,7 @@ fn leftovers_of_killed_runs_are_removed_and_nothing_else() {
 }
 
 #[test]
-fn a_reader_next_to_a_writer_sees_its_steps() {
+fn reader_sees_the_steps_of_a_concurrent_writer() {
     let copy = Copy::new();
     let mut session = Session::new();
     session

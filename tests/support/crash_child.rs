@@ -1,8 +1,8 @@
-//! A project survives being killed at any moment, and a full disk.
+//! Checks that a project survives being killed at any moment, and a full disk.
 //!
-//! The child is this test binary itself: it opens the project, makes random edits and saves without end, and prints
-//! every state that it was told is safe, until the disk refuses too many of its steps. The parent kills it at random
-//! moments and opens what is left.
+//! The child process is this test binary itself. It opens the project, then makes random edits and
+//! saves without end. It prints every state that was reported as safe, until the disk refuses too
+//! many of its steps. The parent kills it at random moments and opens the remaining project.
 
 use std::hash::{Hash, Hasher};
 use std::io::{BufRead, BufReader, Write};
@@ -21,8 +21,9 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 const ROOT: &str = "OSTRA_TEST_CRASH_ROOT";
-/// What is said of a step that cannot be written, and after how many of them the child ends by itself.
+/// Message for a step that cannot be written.
 const UNSAVED: &str = "cannot be saved and was not made";
+/// Number of such steps after which the child ends by itself.
 const ENOUGH_REFUSED: usize = 6;
 
 fn fingerprint(project: &Project) -> u64 {
@@ -43,7 +44,7 @@ fn opened(root: &Path) -> Session {
         events.iter().any(|event| matches!(event, Event::Opened(_))),
         "{events:?}"
     );
-    // A kill in the middle of a line is reported; nothing else is out of order.
+    // A kill in the middle of a line is reported; anything else would be an error.
     let is_torn = |text: &String| text.contains("journal.jsonl: its last line is incomplete");
     let warnings = events
         .iter()
@@ -82,7 +83,7 @@ fn made(folder: &Path) -> PathBuf {
     root
 }
 
-/// A wish that may or may not fit the state.
+/// Returns a random command, which may not fit the state.
 fn random_command(project: &Project, random: &mut Pcg64Mcg) -> Command {
     let frame = random.random_range(0..project.frames.len());
     let labels: Vec<LabelId> = project.labels.iter().map(|label| label.id).collect();
@@ -123,7 +124,7 @@ fn random_command(project: &Project, random: &mut Pcg64Mcg) -> Command {
     }
 }
 
-/// A change of a label from a frame to the last one.
+/// Returns a random change of a label from frame `from` to the last frame.
 fn random_range(project: &Project, from: usize, label: LabelId, random: &mut Pcg64Mcg) -> Command {
     let change = match random.random_range(0..7) {
         0 => RangeChange::Delete,
@@ -146,7 +147,7 @@ fn random_range(project: &Project, from: usize, label: LabelId, random: &mut Pcg
     })
 }
 
-/// The child: nothing to do unless the parent asks.
+/// Runs the child process; does nothing unless the parent asks for it.
 pub fn child() {
     let Some(root) = std::env::var_os(ROOT) else {
         return;
@@ -204,7 +205,7 @@ fn start(root: &Path, shell: Option<&str>) -> Child {
         .unwrap()
 }
 
-/// Reads what the child says until `enough`, kills it, and gives all its lines.
+/// Reads the child's output until `enough`, kills the child, and returns all its lines.
 fn kill_when(child: &mut Child, mut enough: impl FnMut(&str) -> bool) -> Vec<String> {
     let mut lines = Vec::new();
     let mut out = BufReader::new(child.stdout.take().unwrap());
@@ -224,7 +225,7 @@ fn kill_when(child: &mut Child, mut enough: impl FnMut(&str) -> bool) -> Vec<Str
     lines
 }
 
-/// The last state that the child was told is safe; a torn last line does not count.
+/// Returns the last state that the child printed as safe; an incomplete last line does not count.
 fn last_safe(lines: &[String]) -> Option<u64> {
     let whole = lines.iter().rev().filter(|line| line.ends_with('\n'));
     whole
@@ -232,7 +233,9 @@ fn last_safe(lines: &[String]) -> Option<u64> {
         .next()
 }
 
-/// What is left must be the state that was safe, or one step from it: the step that was in flight.
+/// Checks that the project is in the safe state or one step away.
+///
+/// That step was in progress when the child was killed.
 fn check(root: &Path, safe: u64) {
     let mut session = opened(root);
     let found = state(&session);
@@ -283,6 +286,8 @@ pub fn kill_at_random_moments(kills: u64) {
     );
 }
 
+/// Checks that a full disk loses nothing.
+///
 /// A limit on the size of files stands for a full disk: writes fail in the middle.
 #[cfg(unix)]
 pub fn fill_the_disk() {

@@ -1,42 +1,45 @@
-//! Real data sets, networks and ONNX Runtime, which are not part of the repository.
+//! Paths of real data sets, networks and ONNX Runtime, which are not part of the repository.
 
 use std::path::{Path, PathBuf};
 
-/// The folder of real data sets: `OSTRA_DATA`, by default `../shared/data`.
+/// Returns the folder of real data sets: `OSTRA_DATA`, by default `../shared/data`.
 ///
 /// # Panics
-/// Where it is missing.
+///
+/// If it is missing.
 pub fn data_dir() -> PathBuf {
     existing(find_data())
 }
 
-/// The folder of networks' weights: `OSTRA_MODELS`, by default `../shared/models`.
+/// Returns the folder of network weights: `OSTRA_MODELS`, by default `../shared/models`.
 ///
 /// # Panics
-/// Where it is missing.
+///
+/// If it is missing.
 pub fn models_dir() -> PathBuf {
     existing(find_models())
 }
 
-/// The library of ONNX Runtime that `ORT_DYLIB_PATH` names.
+/// Returns the ONNX Runtime library that `ORT_DYLIB_PATH` names.
 ///
 /// # Panics
-/// Where it is missing.
+///
+/// If it is missing.
 pub fn onnx_runtime() -> PathBuf {
     existing(find_onnx_runtime())
 }
 
-/// As [`data_dir`], or why it cannot be used.
+/// Returns the folder of [`data_dir`], or why it cannot be used.
 pub fn find_data() -> Result<PathBuf, String> {
     folder("OSTRA_DATA", "../shared/data")
 }
 
-/// As [`models_dir`], or why it cannot be used.
+/// Returns the folder of [`models_dir`], or why it cannot be used.
 pub fn find_models() -> Result<PathBuf, String> {
     folder("OSTRA_MODELS", "../shared/models")
 }
 
-/// As [`onnx_runtime`], or why it cannot be used.
+/// Returns the library of [`onnx_runtime`], or why it cannot be used.
 pub fn find_onnx_runtime() -> Result<PathBuf, String> {
     let path = PathBuf::from(std::env::var_os("ORT_DYLIB_PATH").unwrap_or_default());
     if path.is_file() {

@@ -1,4 +1,4 @@
-//! A data set as frames with cameras, and with depths and true masks where it has them.
+//! A data set as frames with cameras, and with depth and ground-truth masks where it has them.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -10,18 +10,19 @@ use ostra_frames::cameras::GivenCameras;
 use ostra_frames::{DepthMap, Frame, FrameFolder, FrameStore, Image, OpenRequest, open};
 use ostra_masks::{LabelMask, read_palette_png};
 
-/// A data set opened through the library, ready to be fused.
+/// A data set opened through the library, ready for fusion.
 pub struct DataSet {
-    /// Its frames, with the cameras of `sparse/`.
+    /// Frames with the cameras of `sparse/`.
     pub frames: Vec<Frame>,
-    /// The mask of each frame, where there is one.
+    /// Mask of each frame, if there is one.
     pub masks: Vec<Option<Arc<LabelMask>>>,
     store: FrameStore,
 }
 
 impl DataSet {
-    /// Opens the pictures of a data set's folder, with the folder of depths and of masks where given; pictures and
-    /// depths are kept up to `cache_bytes`.
+    /// Opens the images of a data set's folder, with the folders of depth and masks where given.
+    ///
+    /// Images and depth maps are cached up to `cache_bytes`.
     pub fn open(
         set: &Path,
         pictures: &str,

@@ -1,27 +1,27 @@
-//! Films made for a test with the system's ffmpeg.
+//! Synthetic videos, written with the system's ffmpeg.
 
 use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// Whether ffmpeg can be started.
+/// Returns whether ffmpeg can be started.
 pub fn has_ffmpeg() -> bool {
     Command::new("ffmpeg").arg("-version").output().is_ok()
 }
 
-/// What a film is made of.
+/// Properties of a synthetic video.
 pub struct Making<'a> {
-    /// Columns and rows.
+    /// Width and height in pixels.
     pub size: (u32, u32),
-    /// ffmpeg's name of the pictures' pixels: `gray` or `rgb24`.
+    /// ffmpeg's name of the pixel format: `gray` or `rgb24`.
     pub pixels: &'a str,
-    /// Number of pictures.
+    /// Number of images.
     pub count: u64,
-    /// What ffmpeg is told about the film.
+    /// Output options for ffmpeg.
     pub options: &'a str,
 }
 
-/// Writes a film of 25 pictures a second; `picture` gives the pixels of each, row by row.
+/// Writes a video of 25 images per second; `picture` returns the pixels of each, row by row.
 pub fn make_film(path: &Path, making: &Making<'_>, picture: impl Fn(u64) -> Vec<u8>) {
     let mut command = Command::new("ffmpeg");
     let size = format!("{}x{}", making.size.0, making.size.1);

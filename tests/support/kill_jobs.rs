@@ -1,7 +1,7 @@
-//! Kills the program in the middle of every kind of long job: what was there before stays, and what a job writes is whole
-//! or not there.
+//! Kills the program in the middle of every kind of long job.
 //!
-//! The quick tests kill a few kinds once, the accuracy tests every kind.
+//! The project must keep its data, and each output of a job must be complete or absent. The quick
+//! tests kill a few kinds once, the accuracy tests every kind.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -13,8 +13,10 @@ use rand_pcg::Pcg64Mcg;
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// A kind of job: its command line, with `P` for the project of an RGB-D recording, `Q` for one of its images alone, `R` for
-/// the recording and `O` for a folder of outputs.
+/// A kind of job: its name and its command line.
+///
+/// In the arguments, `P` stands for the project of an RGB-D recording, `Q` for one of its images
+/// alone, `R` for the recording and `O` for a folder of outputs.
 pub struct Job {
     pub name: &'static str,
     args: &'static [&'static str],
@@ -105,7 +107,7 @@ pub const JOBS: [Job; 14] = [
     },
 ];
 
-/// Projects in which jobs are killed.
+/// The projects in which jobs are killed.
 struct Bench {
     folder: TempDir,
 }
@@ -136,7 +138,7 @@ impl Bench {
         self.folder.path().join(name)
     }
 
-    /// The command with the letters of its arguments replaced by paths.
+    /// Returns the command with the letters of its arguments replaced by paths.
     fn command(&self, args: &[&str]) -> Command {
         let places = [
             ("D", "demo"),
@@ -175,12 +177,12 @@ impl Bench {
         String::from_utf8(output.stdout).unwrap()
     }
 
-    /// Runs a job to its end and returns how long it took, so that kills can be spread over all of it.
+    /// Runs a job to its end and returns its duration, so that kills can be spread over all of it.
     fn duration(&self, job: &Job) -> Duration {
         let begun = Instant::now();
         let output = self.command(job.args).output().unwrap();
         let text = String::from_utf8_lossy(&output.stderr).into_owned();
-        // Six small views may be too few for a method.
+        // Six small views may be too few for some methods.
         assert!(
             matches!(output.status.code(), Some(0 | 1)),
             "{}: {text}",
@@ -190,8 +192,10 @@ impl Bench {
         begun.elapsed()
     }
 
-    /// Starts a job and kills it after `wait`. A job that ends before that, because the machine has become faster since its
-    /// duration was measured, is started again with half the wait. Returns whether a running job was killed.
+    /// Starts a job and kills it after `wait`. Returns whether a running job was killed.
+    ///
+    /// A job may end earlier because the machine has become faster since the duration was measured.
+    /// Then it is started again with half the wait.
     fn kill_running(&self, job: &Job, mut wait: Duration) -> bool {
         for _ in 0..5 {
             let _ = std::fs::remove_dir_all(self.path("out"));
@@ -218,7 +222,7 @@ impl Bench {
         false
     }
 
-    /// What must survive: the labels, and the masks of the keyframes as an export writes them.
+    /// Returns the data that must survive: the labels, and the keyframe masks as exported.
     fn kept(&self, project: &str) -> (Vec<String>, BTreeMap<String, Vec<u8>>) {
         let info: Value = serde_json::from_str(&self.done(&["info", project, "--json"])).unwrap();
         let labels = info["labels"]
@@ -246,7 +250,7 @@ impl Bench {
     }
 }
 
-/// Outputs are whole: every file in the folder can be read by its format's reader.
+/// Checks that every file in the folder can be read by its format's reader.
 fn check_outputs(folder: &Path) {
     let mut folders = vec![folder.to_owned()];
     while let Some(folder) = folders.pop() {
@@ -296,7 +300,7 @@ fn check_outputs(folder: &Path) {
     }
 }
 
-/// Kills jobs of each of the kinds in turn, and checks after each kill what is left.
+/// Kills jobs of each kind in turn and checks the project after each kill.
 pub fn kill(jobs: &[&Job], kills: usize) {
     let bench = Bench::new();
     let mut random = Pcg64Mcg::seed_from_u64(41);
@@ -333,7 +337,7 @@ pub fn kill(jobs: &[&Job], kills: usize) {
         }
     }
     println!("kills that hit a running job: {hit:?}");
-    // What the kills left behind goes with the next edit.
+    // The next edit removes temporary files that the kills left behind.
     for project in ["P", "Q"] {
         bench.done(&["label", project, "after all"]);
     }

@@ -1,4 +1,4 @@
-//! The program as a process.
+//! Runs the program as a process.
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -23,7 +23,7 @@ pub fn done(args: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// Runs what must fail: exit code 1 and one line that starts with the program's name.
+/// Runs a command that must fail with exit code 1 and one error line, and returns the line.
 pub fn refused(args: &[&str]) -> String {
     let output = ostra(args);
     let text = String::from_utf8(output.stderr).unwrap();
@@ -36,7 +36,7 @@ pub fn refused(args: &[&str]) -> String {
     errors[0].to_owned()
 }
 
-/// Every file below a folder with its bytes.
+/// Returns every file below a folder with its bytes.
 pub fn contents(dir: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let mut all = Vec::new();
     let mut folders = vec![dir.to_owned()];

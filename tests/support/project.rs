@@ -1,4 +1,4 @@
-//! A project in a folder of its own, through the program as a process.
+//! A project in its own folder, driven through the program as a process.
 
 use std::path::Path;
 
@@ -7,9 +7,9 @@ use tempfile::TempDir;
 
 use crate::program::ostra;
 
-/// A project in a folder of its own.
+/// A project in its own temporary folder.
 pub struct Project {
-    /// The folder in which the project lies.
+    /// Folder that contains the project.
     pub dir: TempDir,
 }
 
@@ -28,7 +28,7 @@ impl Project {
         self.dir.path().join("project").display().to_string()
     }
 
-    /// Runs the program; both outputs.
+    /// Runs the program and returns both outputs.
     pub fn done(&self, args: &[&str]) -> String {
         let output = ostra(args);
         let text = format!(
@@ -41,7 +41,7 @@ impl Project {
     }
 
     pub fn info(&self) -> Value {
-        // Warnings follow.
+        // Warnings follow on later lines.
         serde_json::from_str(
             self.done(&["info", &self.root(), "--json"])
                 .lines()

@@ -1,4 +1,4 @@
-//! A session that is driven to the end of each command.
+//! Helpers that run a session's commands to their end.
 
 use std::ops::ControlFlow;
 
@@ -6,7 +6,7 @@ use ostra_session::{Command, Event, Session};
 
 use crate::program::contents;
 
-/// Carries out a command to its end.
+/// Runs a command to its end and returns its events.
 pub fn perform(session: &mut Session, command: Command) -> anyhow::Result<Vec<Event>> {
     session.act(command)?;
     let events = session.settle(|_| ControlFlow::Continue(()));
@@ -18,7 +18,7 @@ pub fn perform(session: &mut Session, command: Command) -> anyhow::Result<Vec<Ev
     Ok(events)
 }
 
-/// Every file of masks, cloud, votes and mesh, saved.
+/// Saves the session and returns the bytes of every file of masks, cloud, votes and mesh.
 pub fn shown_bytes(session: &mut Session) -> Vec<Vec<u8>> {
     session.save().unwrap();
     let root = session.root().unwrap().to_owned();

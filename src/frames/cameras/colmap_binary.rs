@@ -11,16 +11,17 @@ use super::{CameraKey, GivenCamera, GivenIntrinsics};
 use crate::FrameError;
 use ostra_core::disk;
 
-/// The longest name of an image.
+/// Maximum length of an image's name in bytes.
 const MAX_NAME_BYTES: u64 = 1 << 16;
 
-/// A little-endian file read from front to back, without holding it in memory; every read past the end is an error that
-/// names the file.
+/// A little-endian file, read from front to back without holding it in memory.
+///
+/// Every read past the end is an error that names the file.
 #[derive(Debug)]
 pub struct Cursor<'a> {
     path: &'a Path,
     reader: BufReader<File>,
-    /// Bytes that follow.
+    /// Remaining bytes.
     left: u64,
 }
 
@@ -39,7 +40,9 @@ impl<'a> Cursor<'a> {
         })
     }
 
-    /// The number of records of at least so many bytes that follow to the end of the file.
+    /// Reads a number of records, checked against the remaining bytes of the file.
+    ///
+    /// Each record has at least `bytes_each` bytes.
     pub fn count(&mut self, bytes_each: u64) -> Result<u64, FrameError> {
         let count = self.u64()?;
         if count == 0 && self.left > 0 {
@@ -109,7 +112,7 @@ impl<'a> Cursor<'a> {
         self.array().map(f64::from_le_bytes)
     }
 
-    /// Bytes up to a zero, which is taken too.
+    /// Reads the bytes up to a zero, and the zero.
     fn name(&mut self) -> Result<String, FrameError> {
         let mut bytes = Vec::new();
         let read = self
@@ -146,7 +149,7 @@ pub fn read(folder: &Path) -> Result<Vec<GivenCamera>, FrameError> {
     read_images(&mut Cursor::open(&path)?, &cameras)
 }
 
-/// Cameras by number. One that cannot be used is an error only where an image has it.
+/// Reads the cameras by number. An unusable camera is an error only if an image refers to it.
 fn read_cameras(
     file: &mut Cursor<'_>,
 ) -> Result<BTreeMap<u32, Result<GivenIntrinsics, String>>, FrameError> {

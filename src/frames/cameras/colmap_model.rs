@@ -3,8 +3,9 @@ use glam::DVec2;
 use super::{Focal, GivenIntrinsics};
 use ostra_geometry::{Camera, Distortion};
 
-/// The camera models of COLMAP 4.2 by number, as its binary files name them, each with its number of parameters. Those
-/// that are not supported are here so that binary files with them can be read past.
+/// The camera models of COLMAP 4.2 with their parameter counts, in the order of their numbers.
+///
+/// Unsupported models are listed so that binary files with them can be read past.
 const MODELS: [(&str, usize); 18] = [
     ("SIMPLE_PINHOLE", 3),
     ("PINHOLE", 4),
@@ -37,7 +38,7 @@ const SUPPORTED: [&str; 8] = [
     "THIN_PRISM_FISHEYE",
 ];
 
-/// The name of a model of a binary file; its number where it is not known.
+/// Returns the name of a binary file's model, or its number if it is unknown.
 pub fn model_name(number: i32) -> String {
     usize::try_from(number)
         .ok()
@@ -48,7 +49,7 @@ pub fn model_name(number: i32) -> String {
         )
 }
 
-/// The number of a model that is written.
+/// Returns the number under which a model is written.
 pub fn model_number(name: &str) -> i32 {
     MODELS
         .iter()
@@ -56,7 +57,7 @@ pub fn model_number(name: &str) -> i32 {
         .map_or(-1, |number| number as i32)
 }
 
-/// Number of parameters of a model, whether it is supported or not.
+/// Returns the number of parameters of a model, supported or not.
 pub fn parameter_count(model: &str) -> Result<usize, String> {
     let known = MODELS.iter().find(|(name, _)| *name == model);
     known
@@ -71,7 +72,7 @@ fn unsupported(model: &str) -> String {
     )
 }
 
-/// Intrinsics from a model's name, size and parameters in COLMAP's order.
+/// Returns the intrinsics for a model's name, size and parameters in COLMAP's order.
 pub fn intrinsics(model: &str, size: [u64; 2], p: &[f64]) -> Result<GivenIntrinsics, String> {
     if !SUPPORTED.contains(&model) {
         return Err(unsupported(model));
@@ -138,7 +139,7 @@ pub fn intrinsics(model: &str, size: [u64; 2], p: &[f64]) -> Result<GivenIntrins
     })
 }
 
-/// The model and parameters under which a camera is written.
+/// Returns the model and parameters under which a camera is written.
 pub fn model_and_parameters(camera: &Camera) -> (&'static str, Vec<f64>) {
     let (f, c) = (camera.focal_px, camera.principal_px);
     let with = |rest: &[f64]| [&[f.x, f.y, c.x, c.y], rest].concat();

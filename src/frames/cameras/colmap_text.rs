@@ -14,7 +14,7 @@ pub fn read(folder: &Path) -> Result<Vec<GivenCamera>, FrameError> {
     read_images(&TextFile::read(&folder.join("images.txt"))?, &cameras)
 }
 
-/// Cameras by number. One that cannot be used is an error only where an image has it.
+/// Reads the cameras by number. An unusable camera is an error only if an image refers to it.
 fn read_cameras(
     file: &TextFile,
 ) -> Result<BTreeMap<u32, Result<GivenIntrinsics, String>>, FrameError> {
@@ -36,7 +36,7 @@ fn read_camera(line: Line<'_>) -> Result<(u32, Result<GivenIntrinsics, String>),
     ))
 }
 
-/// Two lines an image: the second lists its 2-D points and may be empty.
+/// Reads two lines per image: the second lists its 2-D points and may be empty.
 fn read_images(
     file: &TextFile,
     cameras: &BTreeMap<u32, Result<GivenIntrinsics, String>>,
@@ -81,7 +81,7 @@ fn read_image(
     ))
 }
 
-/// The rest of a line after `count` words: a name, which may hold spaces.
+/// Returns the rest of a line after `count` words: a name, which may contain spaces.
 fn name_after(text: &str, count: usize) -> Option<&str> {
     let mut rest = text;
     for _ in 0..count {
@@ -91,7 +91,9 @@ fn name_after(text: &str, count: usize) -> Option<&str> {
     Some(rest.trim()).filter(|name| !name.is_empty())
 }
 
-/// A file without the lines of points would otherwise lose every second image unseen.
+/// Checks that a line lists 2-D points.
+///
+/// In a file without these lines, every second image would otherwise be lost silently.
 fn check_points(line: Line<'_>) -> Result<(), FrameError> {
     let numbers = line.words().count().is_multiple_of(3);
     let begin = line.words().take(3).all(|word| word.parse::<f64>().is_ok());

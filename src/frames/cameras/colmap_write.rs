@@ -13,22 +13,25 @@ use crate::{Frame, FrameError};
 use ostra_core::disk;
 use ostra_geometry::{Camera, GeometryError, Pose, Turn};
 
-/// In which of its two encodings a COLMAP model is written.
+/// Encoding of a written COLMAP model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ModelEncoding {
-    /// `cameras.txt`, `images.txt`, `points3D.txt`; numbers are written so that reading gives the same bits.
+    /// `cameras.txt`, `images.txt`, `points3D.txt`; reading the numbers gives the same bits.
     #[default]
     Text,
     /// `cameras.bin`, `images.bin`, `points3D.bin`.
     Binary,
 }
 
-/// Writes a COLMAP model into `folder`, which is made: all frames that have intrinsics and a pose, for the images as
-/// stored (turned back), equal cameras once, and the points with the keypoints that see them.
+/// Writes a COLMAP model into `folder`, which is created.
+///
+/// The model has all frames with intrinsics and a pose, equal cameras once, and the points with the
+/// keypoints that see them. Cameras and keypoints are those of the images as stored (rotated back).
 ///
 /// # Errors
-/// [`FrameError::Io`] where a file cannot be written; [`FrameError::Geometry`] for a mirrored image.
+///
+/// [`FrameError::Io`] if a file cannot be written; [`FrameError::Geometry`] for a mirrored image.
 pub fn write_colmap_model(
     folder: &Path,
     frames: &[Frame],
@@ -69,8 +72,10 @@ pub fn write_colmap_model(
     Ok(())
 }
 
-/// The frames under names that COLMAP's text format can hold, which ends a name at its first space: white space and control
-/// characters become `_`, and a name that is taken by that gets a number. `None` where every name can be held.
+/// Returns the frames under names that COLMAP's text format can hold; `None` if all names fit.
+///
+/// The format ends a name at its first space. White space and control characters become `_`, and a
+/// name that is then taken gets a number.
 #[must_use]
 pub fn with_text_names(frames: &[Frame]) -> Option<Vec<Frame>> {
     let is_unsafe = |c: char| c.is_whitespace() || c.is_control();
@@ -253,17 +258,19 @@ fn points_bytes(model: &ModelOut<'_>) -> Vec<u8> {
     bytes
 }
 
-/// What is written of a frame: its camera as COLMAP knows it, for the image as stored.
+/// The written data of a frame: its camera as COLMAP knows it, for the image as stored.
 pub struct ImageOut<'a> {
     pub name: &'a str,
     /// Index of its intrinsics; written numbers count from 1.
     pub camera: usize,
     pub camera_from_world: Pose,
-    /// For the image as stored.
+    /// Keypoints of the image as stored.
     pub keypoints: Vec<SparseKeypoint>,
 }
 
-/// A model as both encodings write it. Images and points are numbered from 1 in their order.
+/// A model as both encodings write it.
+///
+/// Images and points are numbered from 1 in their order.
 pub struct ModelOut<'a> {
     pub cameras: Vec<Camera>,
     pub images: Vec<ImageOut<'a>>,
@@ -273,10 +280,11 @@ pub struct ModelOut<'a> {
 }
 
 impl<'a> ModelOut<'a> {
-    /// All frames that have intrinsics and a pose; equal cameras once.
+    /// Collects all frames with intrinsics and a pose, and equal cameras once.
     ///
     /// # Errors
-    /// Name of a frame whose image is mirrored, and why it cannot be written.
+    ///
+    /// The name of a frame whose image is mirrored, and why it cannot be written.
     pub fn new(
         frames: &'a [Frame],
         sparse: &'a SparsePoints,

@@ -7,16 +7,19 @@ use super::{
 };
 use crate::FrameError;
 
-/// How many files of a folder are read to find out whether they hold poses: the first ones may be damaged.
+/// Maximum number of files that are read to detect poses: the first ones may be damaged.
 const MAX_TRIED: usize = 8;
 
 impl GivenCameras {
-    /// Reads the cameras in `path`, whose format is detected from names and content: a COLMAP model (its folder or one with
-    /// `sparse/` or `sparse/0`), `transforms.json`, TUM trajectory, `.log` trajectory, folder of 4×4 pose files,
-    /// Middlebury `*_par.txt`, folder of DTU `pos_NNN.txt`.
+    /// Reads the cameras in `path`, whose format is detected from names and content.
+    ///
+    /// The formats are: a COLMAP model (its folder or one with `sparse/` or `sparse/0`),
+    /// `transforms.json`, a TUM trajectory, a `.log` trajectory, a folder of 4×4 pose files,
+    /// Middlebury `*_par.txt`, and a folder of DTU `pos_NNN.txt`.
     ///
     /// # Errors
-    /// [`FrameError`] that names the file, and the line where there is one, for what cannot be read.
+    ///
+    /// [`FrameError`] if a file cannot be read; it names the file, and the line if there is one.
     pub fn read(path: &Path) -> Result<Self, FrameError> {
         let cameras = if path.is_dir() {
             read_folder(path)?
@@ -27,7 +30,7 @@ impl GivenCameras {
     }
 }
 
-/// The folder of a COLMAP model in `path`: itself, `sparse/` or `sparse/0`.
+/// Returns the folder of a COLMAP model in `path`: itself, `sparse/` or `sparse/0`.
 pub fn colmap_folder(path: &Path) -> Option<PathBuf> {
     ["", "sparse", "sparse/0"]
         .iter()
@@ -35,7 +38,7 @@ pub fn colmap_folder(path: &Path) -> Option<PathBuf> {
         .find(|folder| model_ending(folder).is_some())
 }
 
-/// `bin` or `txt`; as COLMAP does, the binary one where both are there.
+/// Returns `bin` or `txt`; as in COLMAP, the binary model wins if both exist.
 fn model_ending(folder: &Path) -> Option<&'static str> {
     let whole = |ending: &str| {
         ["cameras", "images"]
@@ -94,7 +97,7 @@ fn file_name(path: &Path) -> std::borrow::Cow<'_, str> {
     path.file_name().unwrap_or_default().to_string_lossy()
 }
 
-/// The `.txt` files of a folder in order of name, without hidden ones.
+/// Returns the `.txt` files of a folder in order of name, without hidden ones.
 fn text_files(folder: &Path) -> Result<Vec<PathBuf>, FrameError> {
     let failed = |reason| FrameError::Io {
         path: folder.to_owned(),

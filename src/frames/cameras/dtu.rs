@@ -7,10 +7,10 @@ use super::{CameraKey, GivenCamera, GivenIntrinsics};
 use crate::FrameError;
 use ostra_geometry::Pose;
 
-/// Skew over focal length up to which a camera counts as having none.
+/// Maximum ratio of skew to focal length of a camera that counts as having no skew.
 pub const LARGEST_SKEW: f64 = 2e-3;
 
-/// The number of a file `pos_NNN.txt`.
+/// Returns the number of a file `pos_NNN.txt`.
 pub fn number_of(path: &Path) -> Option<u64> {
     path.file_name()?
         .to_str()?
@@ -20,7 +20,10 @@ pub fn number_of(path: &Path) -> Option<u64> {
         .ok()
 }
 
-/// One 3×4 projection matrix a file, `pos_NNN.txt` with NNN from 1, as in the DTU sets; pixel centres at whole numbers.
+/// Reads the projection matrices of the DTU sets.
+///
+/// Each file `pos_NNN.txt`, with NNN from 1, has one 3×4 matrix; pixel centres are at whole
+/// numbers.
 pub fn read(files: &[PathBuf]) -> Result<Vec<GivenCamera>, FrameError> {
     files
         .iter()
@@ -43,7 +46,9 @@ fn read_file(path: &Path, number: u64) -> Result<GivenCamera, FrameError> {
     })
 }
 
-/// `P = K [R t]` up to scale, taken apart by an RQ decomposition of its left 3×3 part, from the last row up.
+/// Decomposes `P = K [R t]`, known up to scale, by an RQ decomposition of its left 3×3 part.
+///
+/// The rows are processed from the last one up.
 fn decompose(p: &[f64; 12]) -> Result<(GivenIntrinsics, Pose), String> {
     if p.iter().any(|v| !v.is_finite()) {
         return Err(

@@ -1,4 +1,4 @@
-//! Given cameras as files hold them, and how they are turned and attached to frames.
+//! Given cameras as files contain them, and how they are rotated and attached to frames.
 
 use std::path::PathBuf;
 
@@ -7,14 +7,14 @@ use glam::DVec2;
 use crate::{Frame, FrameCamera, FrameError, Orientation, PictureSource};
 use ostra_geometry::{Camera, Distortion, GeometryError, Pose, Turn};
 
-/// What a given camera says about the frame it belongs to.
+/// How a given camera identifies its frame.
 #[derive(Debug, Clone, PartialEq)]
 pub enum CameraKey {
-    /// The image's name, with or without folders and ending, with `/`.
+    /// The image's name, with or without folders and extension, separated by `/`.
     Name(String),
-    /// The image's number: in its name, or in the order of frames.
+    /// The image's number, in its name or in the order of frames.
     Index(u64),
-    /// The image's time in seconds, which its name holds.
+    /// The image's time in seconds, which its name contains.
     Time(f64),
 }
 
@@ -27,14 +27,16 @@ pub enum Focal {
     AngleX(f64),
 }
 
-/// Intrinsics of a stored image as a file gives them: what it leaves out comes from the image.
+/// Intrinsics of a stored image as a file gives them; missing values come from the image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GivenIntrinsics {
-    /// Columns and rows; `None` = those of the image.
+    /// Width and height in pixels; `None` = those of the image.
     pub size: Option<[u32; 2]>,
     /// Focal lengths.
     pub focal: Focal,
-    /// Principal point in pixels, centre of the top-left pixel at (0.5, 0.5); `None` = the image's centre.
+    /// Principal point in pixels; `None` = the image's centre.
+    ///
+    /// The centre of the top-left pixel is at (0.5, 0.5).
     pub principal_px: Option<DVec2>,
     /// Lens distortion.
     pub distortion: Distortion,
@@ -43,26 +45,29 @@ pub struct GivenIntrinsics {
 /// One camera of a file of cameras.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GivenCamera {
-    /// Which frame it belongs to.
+    /// How the camera identifies its frame.
     pub key: CameraKey,
-    /// `None` where the format holds poses only.
+    /// Intrinsics; `None` if the format only has poses.
     pub intrinsics: Option<GivenIntrinsics>,
-    /// Pose of the camera of the stored image, or why it has none: programs write NaN, infinities or zeros for frames that
-    /// they lost.
+    /// Pose of the camera of the stored image, or why it has none.
+    ///
+    /// Programs write NaN, infinities or zeros for frames that they lost.
     pub camera_from_world: Result<Pose, String>,
 }
 
 /// All cameras of a file or folder.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GivenCameras {
-    /// Where they were read.
+    /// Path they were read from.
     pub path: PathBuf,
-    /// In the order of the file.
+    /// Cameras in the order of the file.
     pub cameras: Vec<GivenCamera>,
 }
 
 impl GivenCameras {
-    /// Whether every camera with a pose has intrinsics; where not, give them to the frames first ([`attach_intrinsics`]).
+    /// Returns whether every camera with a pose has intrinsics.
+    ///
+    /// Otherwise, give intrinsics to the frames first ([`attach_intrinsics`]).
     #[must_use]
     pub fn have_intrinsics(&self) -> bool {
         let posed = |camera: &&GivenCamera| camera.camera_from_world.is_ok();
@@ -72,7 +77,7 @@ impl GivenCameras {
             .all(|camera| camera.intrinsics.is_some())
     }
 
-    /// A camera per item; an error where none of them has a pose.
+    /// Returns the cameras of `path`; an error if none of them has a pose.
     pub(super) fn new(path: PathBuf, cameras: Vec<GivenCamera>) -> Result<Self, FrameError> {
         if cameras.is_empty() {
             let what = "holds no cameras; give a file of cameras that were found".into();
@@ -93,7 +98,7 @@ impl GivenCameras {
 }
 
 impl GivenCamera {
-    /// A camera whose intrinsics are given, or a reason why they cannot be used; then it has no pose either.
+    /// Returns a camera with the given intrinsics; if they are unusable, it has no pose either.
     pub(super) fn with_intrinsics(
         key: CameraKey,
         intrinsics: &Result<GivenIntrinsics, String>,
@@ -115,7 +120,7 @@ impl GivenCamera {
 }
 
 impl GivenIntrinsics {
-    /// From an undistorted camera matrix without a size.
+    /// Returns the intrinsics of an undistorted camera matrix without a size.
     pub(super) fn pinhole(focal_px: DVec2, principal_px: DVec2) -> Self {
         let distortion = Distortion::None;
         Self {
@@ -126,10 +131,12 @@ impl GivenIntrinsics {
         }
     }
 
-    /// The camera of a stored image of this size.
+    /// Returns the camera of a stored image of this size.
     ///
     /// # Errors
-    /// What is wrong and what to do: another size, a focal length that cannot be, a value that is no number.
+    ///
+    /// What is wrong and what to do: another size, an impossible focal length, or a value that is
+    /// not a number.
     pub fn for_picture(&self, width: u32, height: u32) -> Result<Camera, String> {
         if let Some([w, h]) = self.size
             && [w, h] != [width, height]
@@ -160,9 +167,10 @@ impl GivenIntrinsics {
     }
 }
 
-/// The turn from the stored image to the shown one.
+/// Returns the rotation from the stored image to the shown one.
 ///
 /// # Errors
+///
 /// [`GeometryError::Mirrored`] for an orientation that mirrors.
 pub(super) fn turn_of(frame: &Frame) -> Result<Turn, GeometryError> {
     match frame.picture {
@@ -174,10 +182,14 @@ pub(super) fn turn_of(frame: &Frame) -> Result<Turn, GeometryError> {
     }
 }
 
-/// The camera of the shown image from that of the stored one. Without given intrinsics the frame's own are kept.
+/// Returns the camera of the shown image for that of the stored one.
+///
+/// Without given intrinsics the frame keeps its own.
 ///
 /// # Errors
-/// [`FrameError::NotFound`], naming the frame: a camera of another size, missing intrinsics, a mirrored image.
+///
+/// [`FrameError::NotFound`], naming the frame: a camera of another size, missing intrinsics, or a
+/// mirrored image.
 pub(super) fn shown_camera(
     frame: &Frame,
     intrinsics: Option<&GivenIntrinsics>,
@@ -200,7 +212,7 @@ pub(super) fn shown_camera(
     ))
 }
 
-/// The camera and pose of the stored image of a frame that has both; `None` otherwise.
+/// Returns the camera and pose of the stored image of a frame with both; `None` otherwise.
 pub(super) fn stored_camera(frame: &Frame) -> Result<Option<(Camera, Pose)>, GeometryError> {
     let Some((camera, pose)) = frame.posed_camera() else {
         return Ok(None);
@@ -216,10 +228,14 @@ pub(super) fn stored_size(frame: &Frame, turn: Turn) -> (u32, u32) {
     }
 }
 
-/// Gives every frame the same intrinsics, those of its stored image, keeping poses. On an error no frame is changed.
+/// Gives every frame the same intrinsics, those of its stored image, and keeps poses.
+///
+/// On an error no frame is changed.
 ///
 /// # Errors
-/// [`FrameError::NotFound`] when values are no camera, images differ in size or one is mirrored.
+///
+/// [`FrameError::NotFound`] if the values are not those of a camera, images differ in size, or one
+/// is mirrored.
 pub fn attach_intrinsics(frames: &mut [Frame], given: &GivenIntrinsics) -> Result<(), FrameError> {
     let mut cameras = Vec::with_capacity(frames.len());
     let mut first: Option<(&Frame, (u32, u32))> = None;

@@ -1,4 +1,4 @@
-//! Intrinsics that the user names, as numbers or by file, and the depth camera made of them.
+//! Intrinsics given by the user, as numbers or a file, and the depth camera built from them.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -11,23 +11,26 @@ use super::{GivenIntrinsics, pose_files};
 use crate::{DepthCamera, FrameError};
 use ostra_geometry::{Pose, Turn};
 
-/// Intrinsics for all frames of a recording: numbers, or a file as recorders write it.
+/// Intrinsics for all frames of a recording: numbers, or a file written by a recorder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum IntrinsicsSource {
-    /// Focal lengths `fx`, `fy`, principal point `cx`, `cy` in pixels of the stored image, centre of the top-left pixel at
-    /// (0.5, 0.5).
+    /// Focal lengths `fx`, `fy`, principal point `cx`, `cy` in pixels of the stored image.
+    ///
+    /// The centre of the top-left pixel is at (0.5, 0.5).
     Values([f64; 4]),
-    /// Open3D's `intrinsic.json` (Azure Kinect and RealSense recorders write it too), or a text of a 3 × 3 or 4 × 4 camera
-    /// matrix as in ScanNet (`intrinsic_color.txt`). In both the centre of the top-left pixel is at (0, 0).
+    /// Open3D's `intrinsic.json`, or a text file with a 3 × 3 or 4 × 4 camera matrix.
+    ///
+    /// Azure Kinect and RealSense recorders write the former, too; ScanNet writes the latter
+    /// (`intrinsic_color.txt`). In both, the centre of the top-left pixel is at (0, 0).
     File(PathBuf),
 }
 
 impl IntrinsicsSource {
-    /// What it says.
+    /// Returns the intrinsics.
     ///
     /// # Errors
-    /// [`FrameError`] that names the file when it cannot be read or holds no camera matrix.
+    /// [`FrameError`] that names the file if it cannot be read or has no camera matrix.
     pub fn read(&self) -> Result<GivenIntrinsics, FrameError> {
         match self {
             Self::Values(values) => Ok((*values).into()),
@@ -48,7 +51,9 @@ impl From<[f64; 4]> for GivenIntrinsics {
 impl FromStr for IntrinsicsSource {
     type Err = String;
 
-    /// `FX,FY,CX,CY` with focal lengths above 0; anything else that is no list of numbers is a path.
+    /// Parses `FX,FY,CX,CY` with positive focal lengths.
+    ///
+    /// Anything that is not a list of numbers is a path.
     fn from_str(text: &str) -> Result<Self, String> {
         let numbers: Result<Vec<f64>, _> = text
             .split(',')
@@ -77,7 +82,7 @@ impl FromStr for IntrinsicsSource {
     }
 }
 
-/// Intrinsics as Open3D writes them. The matrix is stored column by column.
+/// Intrinsics as Open3D writes them, with the matrix column by column.
 #[derive(Deserialize)]
 struct Open3d {
     width: u32,
@@ -116,7 +121,7 @@ fn read_matrix(path: &Path) -> Result<GivenIntrinsics, FrameError> {
     from_matrix(path, values, last)
 }
 
-/// From the entries of a camera matrix whose last one is 1.
+/// Returns the intrinsics of a camera matrix from its entries; the last one must be 1.
 fn from_matrix(
     path: &Path,
     [fx, fy, cx, cy]: [f64; 4],
@@ -131,18 +136,19 @@ fn from_matrix(
     Ok([fx, fy, cx + 0.5, cy + 0.5].into())
 }
 
-/// The camera that measured the depths of a recording, where it is known and not the images'.
+/// The camera that measured the depth of a recording, if it is known and not that of the images.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DepthCameraSource {
-    /// Its intrinsics, for depths as stored; focal lengths and principal point in their pixels.
+    /// Intrinsics for depth as stored; focal lengths and principal point in its pixels.
     pub intrinsics: IntrinsicsSource,
-    /// A text of the 4 × 4 matrix that takes points of the depth camera to the images', row by row, in world units (metres); `None` = both stand
-    /// in one place and look the same way.
+    /// Text file with the 4 × 4 matrix from the depth camera's axes to those of the images' camera.
+    ///
+    /// It is stored row by row, in world units (metres). `None` = both cameras have the same pose.
     #[serde(default)]
     pub pose: Option<PathBuf>,
 }
 
-/// A [`DepthCameraSource`] that was read.
+/// A [`DepthCameraSource`] after reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GivenDepthCamera {
     intrinsics: GivenIntrinsics,
@@ -150,10 +156,10 @@ pub struct GivenDepthCamera {
 }
 
 impl DepthCameraSource {
-    /// What it says.
+    /// Returns the depth camera.
     ///
     /// # Errors
-    /// [`FrameError`] that names the file when it cannot be read or holds no camera matrix, or no pose.
+    /// [`FrameError`] that names the file if it cannot be read or has no camera matrix or pose.
     pub fn read(&self) -> Result<GivenDepthCamera, FrameError> {
         let picture_from_depth = match &self.pose {
             Some(path) => pose_files::read_one(path)?.map_err(|reason| {
@@ -169,9 +175,10 @@ impl DepthCameraSource {
 }
 
 impl GivenDepthCamera {
-    /// The camera of a stored depth of this size, shown after a turn that its image takes too.
+    /// Returns the camera of a stored depth map of this size, after the rotation of its image.
     ///
     /// # Errors
+    ///
     /// As [`GivenIntrinsics::for_picture`].
     pub fn for_depth(
         &self,
@@ -198,7 +205,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_and_files_are_told_apart() {
+    fn numbers_and_files_are_distinguished() {
         let source = |text: &str| text.parse::<IntrinsicsSource>();
         assert_eq!(
             source("500, 501.5,320,240"),
@@ -214,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn files_count_from_the_middle_of_the_first_pixel() {
+    fn files_have_their_origin_at_the_first_pixels_centre() {
         let folder = tempfile::tempdir().unwrap();
         let read = |name: &str, text: &str| {
             let path = folder.path().join(name);
@@ -249,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turned_recording_sees_the_same() {
+    fn rotated_recording_sees_the_same() {
         let folder = tempfile::tempdir().unwrap();
         let pose = folder.path().join("pose.txt");
         std::fs::write(&pose, "1 0 0 0.025\n0 1 0 0.003\n0 0 1 -0.01\n0 0 0 1\n").unwrap();
@@ -285,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_pose_is_refused_by_name() {
+    fn invalid_pose_file_is_refused_by_name() {
         let folder = tempfile::tempdir().unwrap();
         let by_columns = "1 0 0 0\n0 1 0 0\n0 0 1 0\n0.025 0 0 1\n".to_owned();
         for (name, text) in [

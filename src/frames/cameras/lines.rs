@@ -22,7 +22,7 @@ pub struct Line<'a> {
     path: &'a Path,
 }
 
-/// A [`FrameError::Invalid`] for `path`.
+/// Returns a [`FrameError::Invalid`] for `path`.
 pub fn invalid(path: &Path, what: impl Into<String>) -> FrameError {
     FrameError::Invalid {
         path: path.to_owned(),
@@ -48,7 +48,7 @@ impl TextFile {
         })
     }
 
-    /// All lines, trimmed.
+    /// Returns all lines, trimmed.
     pub fn lines(&self) -> impl Iterator<Item = Line<'_>> {
         let path = self.path.as_path();
         self.text.lines().enumerate().map(move |(i, text)| Line {
@@ -58,12 +58,12 @@ impl TextFile {
         })
     }
 
-    /// Lines that are neither empty nor a comment (`#`).
+    /// Returns the lines that are neither empty nor a comment (`#`).
     pub fn content(&self) -> impl Iterator<Item = Line<'_>> {
         self.lines().filter(|line| !line.is_blank())
     }
 
-    /// All numbers of the file, which must be `N`.
+    /// Returns all numbers of the file, which must be `N`.
     pub fn numbers<const N: usize>(&self) -> Result<[f64; N], FrameError> {
         let mut all = Vec::with_capacity(N);
         for line in self.content() {
@@ -92,7 +92,7 @@ impl<'a> Line<'a> {
         invalid(self.path, self.fault(what))
     }
 
-    /// What is wrong with this line, without the file's name.
+    /// Returns a message about this line, without the file's name.
     pub fn fault(&self, what: &str) -> String {
         format!("line {}: {what}", self.number)
     }
@@ -106,12 +106,12 @@ impl<'a> Line<'a> {
             .map_err(|_| self.error(&format!("'{word}' is not the number expected here")))
     }
 
-    /// All words of the line as numbers.
+    /// Returns all words of the line as numbers.
     pub fn numbers(&self) -> Result<Vec<f64>, FrameError> {
         self.words().map(|word| self.parse(Some(word))).collect()
     }
 
-    /// All words of the line as `N` numbers.
+    /// Returns all words of the line as `N` numbers.
     pub fn array<const N: usize>(&self) -> Result<[f64; N], FrameError> {
         let numbers = self.numbers()?;
         let count = numbers.len();
@@ -121,8 +121,9 @@ impl<'a> Line<'a> {
     }
 }
 
-/// The usual spelling of a number that is not finite, which programs built with Microsoft's compiler write in their own way;
-/// any other word as it is.
+/// Returns the usual spelling of a non-finite number; any other word unchanged.
+///
+/// Programs built with Microsoft's compiler spell these numbers differently.
 pub fn usual_spelling(word: &str) -> &str {
     let lower = word.to_ascii_lowercase();
     let (sign, rest) = lower
@@ -137,7 +138,7 @@ pub fn usual_spelling(word: &str) -> &str {
     }
 }
 
-/// A pose from a quaternion (x, y, z, w), which is normalised, and a translation.
+/// Returns the pose of a quaternion (x, y, z, w), which is normalised, and a translation.
 pub fn pose_from_quaternion(xyzw: [f64; 4], translation: DVec3) -> Result<Pose, GeometryError> {
     let rotation = DQuat::from_array(xyzw);
     if !rotation.is_finite() || !translation.is_finite() {
@@ -149,7 +150,7 @@ pub fn pose_from_quaternion(xyzw: [f64; 4], translation: DVec3) -> Result<Pose, 
     if length < 1e-6 {
         return Err(GeometryError::NotARotation { error: 1.0 });
     }
-    // A quaternion of unit length stays as it is, bit for bit.
+    // A quaternion of unit length stays unchanged, bit for bit.
     let rotation = if (length - 1.0).abs() > 1e-12 {
         rotation / length
     } else {
@@ -161,7 +162,7 @@ pub fn pose_from_quaternion(xyzw: [f64; 4], translation: DVec3) -> Result<Pose, 
     })
 }
 
-/// A pose from the upper three rows of a 4×4 matrix, row by row.
+/// Returns the pose in the upper three rows of a 4×4 matrix, row by row.
 pub fn pose_from_rows(rows: &[f64]) -> Result<Pose, GeometryError> {
     let column = |c: usize| DVec3::new(rows[c], rows[4 + c], rows[8 + c]);
     Pose::from_matrix(DMat3::from_cols(column(0), column(1), column(2)), column(3))

@@ -9,15 +9,23 @@ use crate::names::{file_of, without_ending};
 use crate::{Frame, FrameError, PictureSource};
 
 impl GivenCameras {
-    /// Gives each frame its camera, turned as the frame's image is: by full name, then by file name alone where that
-    /// is unique, both with and without ending; by number in the name or order; by time. Give all frames of the source,
-    /// before some are left out, because trajectories without names count them. Poses without intrinsics go with those
-    /// the frame has. Answers with warnings: one that names the frames that have no camera. On an error no frame is
-    /// changed.
+    /// Gives each frame its camera, rotated like the frame's image, and returns warnings.
+    ///
+    /// Cameras are matched in these ways, according to their key:
+    ///
+    /// - by full name, then by file name only where that is unique, both with and without
+    ///   extension,
+    /// - by number in the name or order,
+    /// - by time.
+    ///
+    /// Pass all frames of the source before some are left out, because trajectories without names
+    /// count them. Poses without intrinsics are combined with those of the frame. One warning names
+    /// the frames without a camera. On an error no frame is changed.
     ///
     /// # Errors
-    /// [`FrameError::Invalid`] when no frame has a camera; [`FrameError::NotFound`], naming the frame, for a camera of
-    /// another size, missing intrinsics or a mirrored image.
+    ///
+    /// [`FrameError::Invalid`] if no frame has a camera; [`FrameError::NotFound`], naming the
+    /// frame, for a camera of another size, missing intrinsics or a mirrored image.
     pub fn match_to(&self, frames: &mut [Frame]) -> Result<Vec<String>, FrameError> {
         let assigned = self.assign(frames);
         if assigned.iter().all(Option::is_none) && !frames.is_empty() {
@@ -45,7 +53,7 @@ impl GivenCameras {
         Ok(warnings)
     }
 
-    /// Lines that name the frames without a camera, and those whose camera has no usable pose or intrinsics.
+    /// Returns warnings about frames without a camera, and frames whose camera is unusable.
     fn warn_of(&self, frames: &[Frame], assigned: &[Option<usize>]) -> Vec<String> {
         let (mut missing, mut unusable, mut first_reason) = (Vec::new(), Vec::new(), None);
         for (frame, camera) in frames.iter().zip(assigned) {
@@ -76,7 +84,7 @@ impl GivenCameras {
         warnings
     }
 
-    /// For each frame the index of its camera.
+    /// Returns the index of each frame's camera.
     fn assign(&self, frames: &[Frame]) -> Vec<Option<usize>> {
         match self.cameras.first().map(|camera| &camera.key) {
             None => vec![None; frames.len()],
@@ -125,7 +133,7 @@ impl GivenCameras {
     }
 }
 
-/// From the most to the least a name says; each level is used only where it is unique on both sides.
+/// Keys of a name, from the most to the least specific; each is used only where it is unique.
 const LEVELS: [fn(&str) -> Option<&str>; 6] = [
     whole_name, path_alone, last_two, file_alone, stem, first_part,
 ];
@@ -138,7 +146,7 @@ fn path_alone(name: &str) -> Option<&str> {
     Some(without_ending(name))
 }
 
-/// Folder and file, where there is a folder.
+/// Returns the folder and file, if there is a folder.
 fn last_two(name: &str) -> Option<&str> {
     let mut slashes = name.rmatch_indices('/').map(|(at, _)| at);
     slashes.next()?;
@@ -155,7 +163,7 @@ fn stem(name: &str) -> Option<&str> {
     Some(without_ending(file_of(name)))
 }
 
-/// `frame-000123` of `frame-000123.color.png`.
+/// Returns `frame-000123` for `frame-000123.color.png`.
 fn first_part(name: &str) -> Option<&str> {
     file_of(name).split('.').next()
 }
@@ -174,7 +182,7 @@ fn by_name(names: &[&str], frames: &[Frame]) -> Vec<Option<usize>> {
     assigned
 }
 
-/// Where each key stands that occurs once.
+/// Returns the position of each key that occurs once.
 fn unique<'a>(keys: impl Iterator<Item = Option<&'a str>>) -> BTreeMap<&'a str, usize> {
     let mut places: BTreeMap<&str, Option<usize>> = BTreeMap::new();
     for (place, key) in keys
@@ -192,8 +200,13 @@ fn unique<'a>(keys: impl Iterator<Item = Option<&'a str>>) -> BTreeMap<&'a str, 
         .collect()
 }
 
-/// Numbers in names where they cover all frames; else one camera a frame in order; else numbers counted from another
-/// start; else as many numbers as there are; else the order of frames.
+/// Matches by number, in the first way that works:
+///
+/// - numbers in names, if they cover all frames,
+/// - one camera per frame in order, if there are equally many,
+/// - numbers in names counted from another start,
+/// - numbers in names, as many as match,
+/// - the order of frames.
 fn by_number(indices: &[u64], frames: &[Frame]) -> Vec<Option<usize>> {
     let place: BTreeMap<u64, usize> = indices
         .iter()
@@ -226,7 +239,9 @@ fn by_number(indices: &[u64], frames: &[Frame]) -> Vec<Option<usize>> {
         .unwrap_or_else(counted)
 }
 
-/// One number of each frame's file name, the first or the last: all different, with as many cameras as can be.
+/// Returns the first or the last number of each frame's file name.
+///
+/// The numbers must all be different; the choice with more matching cameras wins.
 fn numbers_in_names(frames: &[Frame], place: &BTreeMap<u64, usize>) -> Option<Vec<u64>> {
     let first = |name: &str| numbers_of(name).next();
     let last = |name: &str| numbers_of(name).last();
@@ -269,7 +284,7 @@ fn by_time(times: &[f64], frames: &[Frame]) -> Vec<Option<usize>> {
         .collect()
 }
 
-/// The time that a frame's name ends in, or its time in a video.
+/// Returns the time at the end of a frame's name, or its time in a video.
 fn time_of(frame: &Frame) -> Option<f64> {
     if let PictureSource::Film { time_s, .. } = frame.picture {
         return Some(time_s);

@@ -5,8 +5,10 @@ use super::{CameraKey, GivenCamera, GivenIntrinsics};
 use crate::FrameError;
 use ostra_geometry::Pose;
 
-/// `*_par.txt` of the Middlebury multi-view sets: a count, then `name k11 … k33 r11 … r33 t1 t2 t3` a line with
-/// `P = K [R t]`, pixel centres at whole numbers.
+/// Reads a `*_par.txt` of the Middlebury multi-view sets.
+///
+/// The file has a count, then lines `name k11 … k33 r11 … r33 t1 t2 t3` with `P = K [R t]`; pixel
+/// centres are at whole numbers.
 pub fn read(file: &TextFile) -> Result<Vec<GivenCamera>, FrameError> {
     let mut lines = file.content();
     let Some(first) = lines.next() else {

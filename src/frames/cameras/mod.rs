@@ -1,7 +1,7 @@
 //! Given cameras: one file per format, matched to frames by name, number or time.
 //!
-//! Cameras refer to images as stored; they are turned with the image when attached to a frame, and back when
-//! written.
+//! Cameras refer to images as stored. They are rotated with the image when attached to a frame, and
+//! back when written.
 
 mod colmap_binary;
 mod colmap_model;

@@ -5,9 +5,11 @@ use super::{CameraKey, GivenCamera};
 use crate::FrameError;
 use ostra_geometry::Pose;
 
-/// One 4×4 matrix a file, camera-to-world, as in 7-Scenes (`frame-000123.pose.txt`) and ScanNet (`pose/123.txt`): the
-/// file's name is the image's. ScanNet writes infinities for frames that were lost, others write NaN or zeros. A file
-/// that cannot be read gives no pose.
+/// Reads files of one 4×4 camera-to-world matrix each, named like their images.
+///
+/// 7-Scenes (`frame-000123.pose.txt`) and ScanNet (`pose/123.txt`) have this format. ScanNet writes
+/// infinities for frames that were lost, other programs NaN or zeros. A file that cannot be read
+/// gives no pose.
 pub fn read(files: &[PathBuf]) -> Result<Vec<GivenCamera>, FrameError> {
     let mut cameras = Vec::with_capacity(files.len());
     for path in files {
@@ -27,7 +29,7 @@ pub fn read(files: &[PathBuf]) -> Result<Vec<GivenCamera>, FrameError> {
     Ok(cameras)
 }
 
-/// The pose in a file's 4 × 4 matrix, or why the matrix is not a pose.
+/// Returns the pose in a file's 4 × 4 matrix, or why the matrix is not a pose.
 pub(super) fn read_one(path: &Path) -> Result<Result<Pose, String>, FrameError> {
     pose_of(path, read_matrix(path)?)
 }

@@ -1,4 +1,4 @@
-//! Sparse points with the keypoints that see them, and their reading from COLMAP models.
+//! Sparse points with the keypoints that see them, read from COLMAP models.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -14,9 +14,9 @@ use crate::{Frame, FrameError};
 /// A point of a sparse model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SparsePoint {
-    /// In world units.
+    /// Position in world units.
     pub position: DVec3,
-    /// sRGB.
+    /// sRGB colour.
     pub color: [u8; 3],
     /// Mean reprojection error in pixels; `None` = unknown.
     pub error_px: Option<f64>,
@@ -25,9 +25,9 @@ pub struct SparsePoint {
 /// A keypoint of a frame's image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SparseKeypoint {
-    /// In the image as shown, centre of the top-left pixel at (0.5, 0.5).
+    /// Position in the image as shown, centre of the top-left pixel at (0.5, 0.5).
     pub at_px: DVec2,
-    /// Index of the point that it sees.
+    /// Index of the point that it sees, if any.
     pub point: Option<u32>,
 }
 
@@ -36,12 +36,12 @@ pub struct SparseKeypoint {
 pub struct SparsePoints {
     /// The points.
     pub points: Vec<SparsePoint>,
-    /// By frame number, the keypoints of its image; empty where they are not known.
+    /// Keypoints of each image by frame number; empty if unknown.
     pub keypoints: BTreeMap<usize, Vec<SparseKeypoint>>,
 }
 
 impl SparsePoints {
-    /// Points whose keypoints are not known.
+    /// Returns points whose keypoints are unknown.
     #[must_use]
     pub fn without_keypoints(points: Vec<SparsePoint>) -> Self {
         Self {
@@ -50,7 +50,7 @@ impl SparsePoints {
         }
     }
 
-    /// Per point the (frame, keypoint) pairs that see it, in that order.
+    /// Returns for each point the (frame, keypoint) pairs that see it, in this order.
     #[must_use]
     pub fn tracks(&self) -> Vec<Vec<(usize, u32)>> {
         let mut tracks = vec![Vec::new(); self.points.len()];
@@ -68,11 +68,14 @@ impl SparsePoints {
     }
 }
 
-/// The points of the COLMAP model in `path` (its folder, or one with `sparse/` or `sparse/0`), in the file's order;
-/// empty where the model has no file of points.
+/// Reads the points of the COLMAP model in `path`, in the file's order.
+///
+/// `path` is the model's folder, or one with `sparse/` or `sparse/0`. The result is empty if the
+/// model has no file of points.
 ///
 /// # Errors
-/// [`FrameError::NotFound`] where there is no model; [`FrameError::Invalid`] for damaged files.
+///
+/// [`FrameError::NotFound`] if there is no model; [`FrameError::Invalid`] for damaged files.
 pub fn read_sparse_points(path: &Path) -> Result<Vec<SparsePoint>, FrameError> {
     let folder = colmap_folder(path).ok_or_else(|| {
         FrameError::NotFound(format!(
@@ -122,7 +125,7 @@ fn read_line(line: Line<'_>) -> Result<SparsePoint, FrameError> {
     })
 }
 
-/// COLMAP writes −1 for an error that is not known.
+/// Returns the error if it is known; COLMAP writes −1 otherwise.
 fn known(error_px: f64) -> Option<f64> {
     Some(error_px).filter(|&error| error >= 0.0)
 }
@@ -145,11 +148,14 @@ fn read_binary(file: &mut Cursor<'_>) -> Result<Vec<SparsePoint>, FrameError> {
     Ok(points)
 }
 
-/// Reads back the points and keypoints of a text model that [`super::write_colmap_model`] wrote for these frames: points
-/// are numbered from 1 in order, images bear the frames' names.
+/// Reads the points and keypoints of a text model written by [`super::write_colmap_model`].
+///
+/// The model must be that of these frames: points are numbered from 1 in order, and images have the
+/// frames' names.
 ///
 /// # Errors
-/// [`FrameError`] where a file is missing or damaged.
+///
+/// [`FrameError`] if a file is missing or damaged.
 pub fn read_sparse_model(folder: &Path, frames: &[Frame]) -> Result<SparsePoints, FrameError> {
     let points = read_sparse_points(folder)?;
     let numbers: BTreeMap<&str, usize> = frames

@@ -1,4 +1,4 @@
-//! Formats, broken files and matching, on files made here.
+//! Tests of camera formats, broken files and matching, on files written by the tests.
 
 mod broken;
 mod colmap;
@@ -12,7 +12,7 @@ use glam::{DQuat, DVec3};
 use crate::{Frame, Orientation, PictureSource};
 use ostra_geometry::Pose;
 
-/// Frames of 640×480 as shown, whose files are never opened.
+/// Returns frames of 640×480 as shown, whose files are never opened.
 fn frames(names: &[&str]) -> Vec<Frame> {
     names.iter().map(|name| frame(name, 640, 480, 1)).collect()
 }
@@ -32,7 +32,7 @@ fn frame(name: &str, width: u32, height: u32, orientation: u8) -> Frame {
     }
 }
 
-/// A pose that differs in everything from camera to camera.
+/// Returns a pose that differs in every component from camera to camera.
 fn pose(i: u32) -> Pose {
     let i = f64::from(i);
     let rotation = DQuat::from_rotation_y(0.3 * i)
@@ -49,7 +49,7 @@ fn assert_near(found: &Pose, expected: &Pose) {
     assert!(same, "{found:?} is not {expected:?}");
 }
 
-/// The four rows of a camera-to-world matrix as text.
+/// Returns the four rows of a camera-to-world matrix as text.
 fn world_from_camera_text(pose: &Pose) -> String {
     let rows = pose.inverse().matrix().transpose().to_cols_array_2d();
     rows.map(|row| row.map(|v| v.to_string()).join(" "))

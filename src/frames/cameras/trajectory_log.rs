@@ -2,8 +2,10 @@ use super::lines::{TextFile, pose_from_rows};
 use super::{CameraKey, GivenCamera};
 use crate::FrameError;
 
-/// A `.log` trajectory of Open3D, Redwood and Tanks and Temples: a line of three numbers, the first of them the frame's
-/// number, then four lines of a 4×4 matrix, camera-to-world.
+/// Reads a `.log` trajectory of Open3D, Redwood or Tanks and Temples.
+///
+/// Each entry is a line of three numbers, the first of them the frame's number, then four lines of
+/// a 4×4 camera-to-world matrix.
 pub fn read(file: &TextFile) -> Result<Vec<GivenCamera>, FrameError> {
     let mut cameras = Vec::new();
     let mut lines = file.content();

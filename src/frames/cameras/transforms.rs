@@ -9,7 +9,9 @@ use super::{CameraKey, Focal, GivenCamera, GivenIntrinsics};
 use crate::FrameError;
 use ostra_geometry::{Distortion, GeometryError, Pose};
 
-/// `transforms.json` of nerfstudio and instant-ngp: camera-to-world with OpenGL axes (y up, looking along −z).
+/// `transforms.json` of nerfstudio and instant-ngp.
+///
+/// Poses are camera-to-world with OpenGL axes (y up, looking along −z).
 #[derive(Debug, Deserialize)]
 struct Transforms {
     frames: Vec<TransformsFrame>,
@@ -25,7 +27,7 @@ struct TransformsFrame {
     lens: Lens,
 }
 
-/// Intrinsics, for all frames or for one of them.
+/// Intrinsics for all frames or for one of them.
 #[derive(Debug, Clone, Default, Deserialize)]
 struct Lens {
     w: Option<Number>,
@@ -45,7 +47,9 @@ struct Lens {
     is_fisheye: Option<bool>,
 }
 
-/// A number, or a number written as a string; `NaN` and `Infinity` are numbers too. `null` is what JavaScript writes for NaN.
+/// A number, or a number written as a string; `NaN` and `Infinity` are allowed, too.
+///
+/// JavaScript writes `null` for NaN.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(try_from = "Value")]
 struct Number(f64);
@@ -65,8 +69,9 @@ impl TryFrom<Value> for Number {
     }
 }
 
-/// Puts quotes around `NaN`, `-Infinity` and other spellings of numbers that are not finite: Python and C++ programs write
-/// them into JSON, which has no such numbers.
+/// Puts quotes around `NaN`, `-Infinity` and other spellings of non-finite numbers.
+///
+/// Python and C++ programs write them into JSON, which does not have such numbers.
 fn with_quoted_numbers(json: &str) -> String {
     let mut quoted = String::with_capacity(json.len());
     let (mut rest, mut in_string) = (json, false);
@@ -134,7 +139,7 @@ fn read_frame(frame: &TransformsFrame, shared: &Lens) -> Result<GivenCamera, Str
     let pose = pose_from_opengl(&rows).map_err(|error| format!("{}: {error}", frame.file_path));
     let name = frame.file_path.replace('\\', "/");
     let key = CameraKey::Name(name.trim_start_matches("./").to_owned());
-    // A lens that cannot be used matters only where the frame is.
+    // An unusable lens only affects its own frame.
     let (intrinsics, camera_from_world) = match frame.lens.or(shared).intrinsics() {
         Ok(intrinsics) => (intrinsics, pose),
         Err(what) => (None, Err(format!("{}: {what}", frame.file_path))),
@@ -146,7 +151,7 @@ fn read_frame(frame: &TransformsFrame, shared: &Lens) -> Result<GivenCamera, Str
     })
 }
 
-/// `camera_from_world` with OpenCV axes from a camera-to-world matrix with OpenGL axes.
+/// Returns `camera_from_world` with OpenCV axes for a camera-to-world matrix with OpenGL axes.
 fn pose_from_opengl(rows: &[f64]) -> Result<Pose, GeometryError> {
     let world_from_camera = pose_from_rows(rows)?;
     let half_turn = glam::DQuat::from_xyzw(1.0, 0.0, 0.0, 0.0);
@@ -159,7 +164,7 @@ fn pose_from_opengl(rows: &[f64]) -> Result<Pose, GeometryError> {
 }
 
 impl Lens {
-    /// What this one says, and where it is silent what `shared` says.
+    /// Returns these values, and those of `shared` where they are missing.
     fn or(&self, shared: &Self) -> Self {
         Self {
             w: self.w.or(shared.w),
@@ -183,7 +188,7 @@ impl Lens {
         }
     }
 
-    /// `None` where no focal length is given.
+    /// Returns the intrinsics; `None` if no focal length is given.
     fn intrinsics(&self) -> Result<Option<GivenIntrinsics>, String> {
         let focal = match (self.fl_x, self.camera_angle_x) {
             (Some(fx), _) => Focal::Pixels(DVec2::new(fx.0, self.fl_y.unwrap_or(fx).0)),

@@ -4,10 +4,12 @@ use super::lines::{TextFile, pose_from_quaternion};
 use super::{CameraKey, GivenCamera};
 use crate::FrameError;
 
-/// Times of one moment differ by at most so many seconds, as in the benchmark's own tools.
+/// Maximum difference in seconds of times that match, as in the benchmark's own tools.
 pub const TUM_TOLERANCE_S: f64 = 0.02;
 
-/// A trajectory of the TUM RGB-D benchmark: `timestamp tx ty tz qx qy qz qw` a line, camera-to-world.
+/// Reads a camera-to-world trajectory of the TUM RGB-D benchmark.
+///
+/// Each line has the values `timestamp tx ty tz qx qy qz qw`.
 pub fn read(file: &TextFile) -> Result<Vec<GivenCamera>, FrameError> {
     let mut cameras = Vec::new();
     for line in file.content() {

@@ -1,4 +1,4 @@
-//! A running ffmpeg that decodes a video: its images, and what its log says of them.
+//! A running ffmpeg that decodes a video: its images and the reports in its log.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
@@ -14,13 +14,15 @@ use ostra_core::programs::ChildProcess;
 /// How to decode a video.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Start {
-    /// Time to seek to, in seconds from the start of the file; `None` decodes from the very beginning.
+    /// Time to seek to, in seconds from the start of the file; `None` decodes from the beginning.
     pub seek_s: Option<f64>,
-    /// How many frames to decode ahead of what is asked for; at least 1.
+    /// Number of frames to decode ahead of requests; at least 1.
     pub ahead: usize,
-    /// Whether frames come with a checksum of their pixels.
+    /// Whether frames have a checksum of their pixels.
     pub checksums: bool,
-    /// One thread only: what decoders make of damaged data depends on the timing of threads.
+    /// Whether to use one thread only.
+    ///
+    /// The result of decoding damaged data depends on the timing of threads.
     pub single_thread: bool,
 }
 
@@ -31,7 +33,7 @@ pub(super) struct Decoded {
     pub info: FrameInfo,
 }
 
-/// A running ffmpeg that hands out the frames of a video in order, some of them decoded ahead.
+/// A running ffmpeg that returns the frames of a video in order and decodes some ahead.
 #[derive(Debug)]
 pub(super) struct Decoder {
     child: ChildProcess,
@@ -43,7 +45,10 @@ pub(super) struct Decoder {
 }
 
 impl Decoder {
-    /// Starts ffmpeg. After a seek the first frame is that of a key frame somewhere near, or any other: compare its info.
+    /// Starts ffmpeg.
+    ///
+    /// After a seek, the first frame may be any frame near the time, usually a key frame: compare
+    /// its info.
     pub fn start(programs: &Programs, path: &Path, start: Start) -> Result<Self, FrameError> {
         let mut command = decoding(programs, path, start)?;
         command.args([
@@ -79,7 +84,7 @@ impl Decoder {
         Ok(decoder)
     }
 
-    /// The next frame; an error says why there is none.
+    /// Returns the next frame, or an error that says why there is none.
     pub fn next(&mut self) -> Result<Decoded, String> {
         let received = self.images.as_ref().map(Receiver::recv);
         let image = received
@@ -90,7 +95,7 @@ impl Decoder {
         Ok(Decoded { image, info })
     }
 
-    /// Why there are no more frames.
+    /// Returns why there are no more frames.
     fn end(&mut self) -> String {
         let error = self.log.take().and_then(|log| log.join().ok()).flatten();
         error.unwrap_or_else(|| "the video has no more frames".to_owned())
@@ -99,7 +104,7 @@ impl Decoder {
 
 impl Drop for Decoder {
     fn drop(&mut self) {
-        drop(self.images.take()); // so that the reader does not wait for someone to take an image
+        drop(self.images.take()); // so that the reader does not wait for its image to be taken
         let _ = self.child.kill();
         let _ = self.child.wait();
         if let Some(reader) = self.reader.take() {
@@ -111,7 +116,9 @@ impl Drop for Decoder {
     }
 }
 
-/// The part of ffmpeg's command line that decodes: every frame once, each reported by `showinfo` with its own time.
+/// Returns ffmpeg's decoding command.
+///
+/// It outputs every frame once, and `showinfo` reports each with its own time.
 pub(super) fn decoding(
     programs: &Programs,
     path: &Path,
@@ -133,7 +140,8 @@ pub(super) fn decoding(
     }
     command.arg("-copyts");
     if let Some(seek_s) = start.seek_s {
-        // Frames before the time asked for are not dropped by ffmpeg: the first one shows where decoding began.
+        // ffmpeg does not drop frames before the requested time: the first one shows where decoding
+        // began.
         command.args(["-noaccurate_seek", "-ss", &format!("{seek_s:.6}")]);
     }
     let info = if start.checksums {
@@ -163,7 +171,7 @@ fn read_images(stdout: ChildStdout, sender: &SyncSender<Result<Image, String>>) 
     }
 }
 
-/// Reads one binary PPM of 8 bits, as ffmpeg writes it: three lines, then the pixels.
+/// Reads one 8-bit binary PPM as ffmpeg writes it: three lines, then the pixels.
 fn read_ppm(reader: &mut impl BufRead) -> std::io::Result<Image> {
     let invalid = || std::io::Error::new(std::io::ErrorKind::InvalidData, "not an image of ffmpeg");
     let mut header = String::new();
@@ -189,17 +197,19 @@ fn read_ppm(reader: &mut impl BufRead) -> std::io::Result<Image> {
     })
 }
 
-/// What ffmpeg's filter `showinfo` reports about one decoded frame, in the order of output.
+/// Report of ffmpeg's filter `showinfo` about one decoded frame, in the order of output.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct FrameInfo {
-    /// Presentation time in seconds, on the clock of the file; `None` where the frame has none.
+    /// Presentation time in seconds on the clock of the file; `None` if the frame has none.
     pub pts_s: Option<f64>,
-    /// Whether decoding may begin at this frame: the decoder calls it a key frame, and all of it is intra coded. Frames
-    /// where an intra refresh begins are called key frames too, but are not whole.
+    /// Whether decoding may begin at this frame: a key frame that is completely intra coded.
+    ///
+    /// The decoder also calls frames key frames where an intra refresh begins, but these are
+    /// incomplete.
     pub is_intra_key: bool,
-    /// Checksum of the decoded pixels, where it was asked for.
+    /// Checksum of the decoded pixels, if requested.
     pub checksum: Option<u32>,
-    /// The latest error that ffmpeg reported before this frame, if it reported one since the previous frame.
+    /// Error that ffmpeg reported since the previous frame, if any.
     pub error: Option<String>,
 }
 
@@ -207,12 +217,12 @@ pub(super) struct FrameInfo {
 #[derive(Debug, Default)]
 pub(super) struct LogParser {
     time_base_s: f64,
-    /// Errors since the latest frame: the first one.
+    /// First error since the latest frame.
     error: Option<String>,
 }
 
 impl LogParser {
-    /// The frame that a line reports, if it reports one.
+    /// Returns the frame that a line reports, if any.
     pub fn parse(&mut self, line: &str) -> Option<FrameInfo> {
         let (source, level, info) = parts(line)?;
         if matches!(level, "error" | "fatal" | "panic") {
@@ -247,20 +257,22 @@ impl LogParser {
     }
 
     fn take_error(&mut self, source: &str, message: &str) {
-        // What ffmpeg reports about its own output is not about the video.
+        // Reports of ffmpeg about its own output do not concern the video.
         if !source.contains("[image2pipe") && !source.contains("[null @") {
             self.error.get_or_insert_with(|| message.trim().to_owned());
         }
     }
 
-    /// The error that was reported after the last frame.
+    /// Returns the error that was reported after the last frame.
     pub fn last_error(self) -> Option<String> {
         self.error
     }
 }
 
-/// Source, level and message of a line: `[source @ 0x5] [level] message`, with any number of sources. The message may hold
-/// text of the video itself, such as its title, so a level counts only where nothing but sources stands before it.
+/// Splits a line `[source @ 0x5] [level] message`, with any number of sources.
+///
+/// The message may contain text of the video itself, such as its title. A level therefore counts
+/// only where there are only sources before it.
 fn parts(line: &str) -> Option<(&str, &str, &str)> {
     let mut at = 0;
     while line[at..].starts_with('[') {
@@ -277,7 +289,7 @@ fn parts(line: &str) -> Option<(&str, &str, &str)> {
     None
 }
 
-/// The word after `key`, which begins a word itself.
+/// Returns the word after `key`, which must begin a word itself.
 fn value<'a>(line: &'a str, key: &str) -> Option<&'a str> {
     let at = line
         .match_indices(key)
@@ -286,8 +298,9 @@ fn value<'a>(line: &'a str, key: &str) -> Option<&'a str> {
     line[at + key.len()..].split_whitespace().next()
 }
 
-/// Sends what the log reports to `sender`; returns the error after the last frame. Reads to the end in any case, so that
-/// ffmpeg is not held up.
+/// Sends the frames in the log to `sender`; returns the error after the last frame.
+///
+/// It always reads to the end, so that ffmpeg does not block.
 pub(super) fn read_log(stderr: impl Read, sender: &Sender<FrameInfo>) -> Option<String> {
     let mut parser = LogParser::default();
     let mut reader = BufReader::new(stderr);
@@ -298,7 +311,7 @@ pub(super) fn read_log(stderr: impl Read, sender: &Sender<FrameInfo>) -> Option<
         .read_until(b'\n', &mut line)
         .is_ok_and(|read| read > 0)
     {
-        // The rest of an overlong line may look like a line of its own.
+        // The rest of an overlong line may look like a separate line.
         if is_start && let Some(info) = parser.parse(&String::from_utf8_lossy(&line)) {
             let _ = sender.send(info); // fails once the decoder is dropped
         }
@@ -313,7 +326,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pictures_follow_each_other_and_a_cut_one_is_an_error() {
+    fn images_follow_each_other_and_a_truncated_one_is_an_error() {
         let bytes = [
             b"P6\n2 1\n255\n".as_slice(),
             &[10, 1, 2, 3, 4, 5],

@@ -12,7 +12,7 @@ use ostra_core::programs::ChildProcess;
 /// Size, length and rate of a video to write.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FilmOptions {
-    /// Columns and rows of every image, above 0.
+    /// Width and height of every image in pixels, above 0.
     pub size: (u32, u32),
     /// Number of images.
     pub count: usize,
@@ -20,13 +20,14 @@ pub struct FilmOptions {
     pub fps: f64,
 }
 
-/// Writes a video with the system's ffmpeg. `draw` returns the image with a given number, from 0.
+/// Writes a video with the system's ffmpeg; `draw` returns the image with a given number, from 0.
 ///
-/// The file extension of `path` selects the format (mp4, mkv, webm …). The video is written to a temporary file first,
-/// which is removed if writing is stopped or fails.
+/// The file extension of `path` selects the format (mp4, mkv, webm …). The video is written to a
+/// temporary file first, which is removed if writing is stopped or fails.
 ///
 /// # Errors
-/// [`FrameError::Invalid`] where ffmpeg is missing or refuses, [`FrameError::Stopped`].
+///
+/// [`FrameError::Invalid`] if ffmpeg is missing or fails, [`FrameError::Stopped`].
 pub fn write_film(
     path: &Path,
     options: &FilmOptions,
@@ -63,14 +64,14 @@ fn encode(
             .as_ref()
             .is_none_or(|mut input| input.write_all(bytes).is_err())
         {
-            break; // ffmpeg has ended and says why
+            break; // ffmpeg has ended; its error output has the reason
         }
     }
     drop(input);
     ffmpeg.finish(path)
 }
 
-/// Refuses a video that does not hold all images: ffmpeg may end well although the disk was full.
+/// Returns an error for a video without all images: ffmpeg may succeed although the disk was full.
 fn check_whole(path: &Path, part: &Path, count: usize) -> Result<(), FrameError> {
     let programs = Programs::default();
     let mut probe = command(
@@ -105,7 +106,7 @@ fn check_whole(path: &Path, part: &Path, count: usize) -> Result<(), FrameError>
     ))
 }
 
-/// A file as ffmpeg takes it, so that no name is taken for an option or an address.
+/// Returns a file argument for ffmpeg that cannot be read as an option or an address.
 fn file_argument(path: &Path, part: &Path) -> Result<OsString, FrameError> {
     let mut argument = OsString::from("file:");
     argument.push(std::path::absolute(part).map_err(|source| FrameError::io(path, source))?);
@@ -130,7 +131,7 @@ fn start(path: &Path, part: &Path, options: &FilmOptions) -> Result<ChildProcess
         "pipe:0",
     ]);
     let output = file_argument(path, part)?;
-    // Most players want even sides and half the colour.
+    // Most players need even sides and chroma at half resolution.
     command
         .args([
             "-vf",
@@ -195,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn a_film_that_is_stopped_or_refused_leaves_nothing_behind() {
+    fn stopped_or_refused_video_leaves_no_file() {
         let folder = tempfile::tempdir().unwrap();
         let options = FilmOptions {
             size: (31, 20),

@@ -8,28 +8,30 @@ use super::search::{Damage, Knowledge, Running, Target, read_frame};
 use crate::{FrameError, Image};
 use ostra_core::job::Progress;
 
-/// How many ffmpeg processes run at once: one for each thread that goes through a part of a video, within these bounds.
+/// Bounds of the number of concurrent ffmpeg processes.
+///
+/// There is one for each thread that reads a part of a video.
 const DECODERS: std::ops::RangeInclusive<usize> = 4..=16;
 
-/// A running decoder is read on over at most so many images; farther ahead, a new start is faster.
+/// Maximum number of images to read over with a running decoder; beyond it, a restart is faster.
 const MAX_SKIP: u64 = 60;
 
 /// Bytes of images that all decoders together may decode ahead (each at least one image).
 const AHEAD_BYTES: usize = 64 << 20;
 
-/// How many decoders this machine may run.
+/// Number of decoders on this machine.
 static MAX_DECODERS: LazyLock<usize> = LazyLock::new(|| {
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     cores.clamp(*DECODERS.start(), *DECODERS.end())
 });
 
-/// The videos being read: a few running decoders, each of which goes on from where it is.
+/// Videos being read by a few running decoders, each of which continues from its position.
 #[derive(Debug, Default)]
 pub(crate) struct Films {
     programs: Programs,
     state: Mutex<State>,
     changed: Condvar,
-    /// What is known of each video that was read.
+    /// Knowledge about each video that was read.
     known: Mutex<BTreeMap<PathBuf, Arc<Mutex<Knowledge>>>>,
 }
 
@@ -39,22 +41,22 @@ struct State {
     clock: u64,
 }
 
-/// One decoder, or the place of one that a thread is reading from.
+/// A decoder, or its reserved slot while a thread reads from it.
 #[derive(Debug)]
 struct Slot {
     id: u64,
     film: PathBuf,
-    /// The image that comes next, once the read under way is done.
+    /// Index of the next image after the current read.
     next: u64,
     used: u64,
     /// `None` while a thread reads from it.
     decoder: Option<Running>,
 }
 
-/// Damage that was found while reading and is not yet taken.
+/// Damage found while reading that was not yet taken.
 static DAMAGE: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
-/// Damage that ffmpeg found in videos since the last call, a line for each video.
+/// Returns the damage that ffmpeg found in videos since the last call, one line per video.
 #[must_use]
 pub fn take_video_damage() -> Vec<String> {
     std::mem::take(&mut *DAMAGE.lock().unwrap_or_else(PoisonError::into_inner))
@@ -74,7 +76,9 @@ fn report(path: &Path, damage: &Damage) {
 }
 
 impl Films {
-    /// Decodes frame `index` of a video, which is at `time_s` from its start and about `bytes` large.
+    /// Decodes frame `index` of a video, which is at `time_s` seconds from its start.
+    ///
+    /// `bytes` is the approximate size of the decoded frame.
     pub fn read(
         &self,
         film: &Path,
@@ -135,7 +139,7 @@ impl Films {
         Ok(locked().entry(film.into()).or_insert_with(new).clone())
     }
 
-    /// Waits for the right to read the image: with a decoder that comes to it soon, or with none.
+    /// Waits for a lease to read the image, with a decoder that reaches it soon or without one.
     fn lease(&self, film: &Path, index: u64, max_skip: u64) -> Lease<'_> {
         let mut state = self.lock();
         loop {
@@ -177,8 +181,9 @@ impl Films {
 }
 
 impl State {
-    /// The slot whose decoder comes to the frame soonest. One that another thread reads from is worth waiting for only
-    /// where it is near.
+    /// Returns the slot whose decoder reaches the frame soonest.
+    ///
+    /// Waiting for a decoder that another thread uses is only worthwhile if it is near.
     fn slot_for(&self, film: &Path, index: u64, max_skip: u64) -> Option<usize> {
         let fits = |slot: &Slot| {
             let skip = if slot.decoder.is_some() {
@@ -194,7 +199,7 @@ impl State {
             .map(|(at, _)| at)
     }
 
-    /// A place for a new decoder and the one that had to go for it; `None` when all are being read from.
+    /// Returns a slot for a new decoder and the one it replaces; `None` if all are in use.
     fn new_slot(&mut self, film: &Path, index: u64) -> Option<(u64, Option<Slot>)> {
         let mut ended = None;
         if self.slots.len() >= *MAX_DECODERS {
@@ -219,11 +224,13 @@ impl State {
     }
 }
 
-/// The right of one thread to read from one decoder. It goes back to its slot; when it is lost, so is the slot.
+/// Exclusive use of one decoder by one thread.
+///
+/// The decoder returns to its slot afterwards; without a decoder, the slot is removed.
 struct Lease<'a> {
     films: &'a Films,
     id: u64,
-    /// A running decoder.
+    /// Running decoder, if there is one.
     decoder: Option<Running>,
 }
 

@@ -1,5 +1,6 @@
-//! Videos through the system's ffmpeg: when their images are, decoding them on demand, forwards without restart, and
-//! making them.
+//! Videos through the system's ffmpeg: frame times, decoding on demand, and encoding.
+//!
+//! Decoding forwards continues without a restart.
 
 mod decoder;
 mod encoder;

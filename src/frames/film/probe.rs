@@ -9,41 +9,45 @@ use crate::FrameError;
 use ostra_core::job::Progress;
 use ostra_core::programs::ChildProcess;
 
-/// What opening a video finds out.
+/// Properties of a video found on opening.
 #[derive(Debug)]
 pub(crate) struct Probed {
-    /// Columns as shown (ffmpeg turns images upright).
+    /// Width in pixels as shown (ffmpeg rotates images upright).
     pub width: u32,
-    /// Rows as shown.
+    /// Height in pixels as shown.
     pub height: u32,
-    /// Time of each image in seconds from the start, rising. At least one.
+    /// Time of each image in seconds from the start, increasing; at least one.
     pub times_s: Vec<f64>,
-    /// What ffmpeg found wrong with the video, where it can be read all the same.
+    /// Damage found by ffmpeg in a video that is still readable.
     pub damage: Option<String>,
 }
 
-/// Seconds between two frames where nothing says so.
+/// Assumed seconds between two frames if the video does not say.
 const USUAL_STEP_S: f64 = 0.04;
 
-/// Containers with a coarser clock may give frames of a fast camera the same time.
+/// Clock step in seconds from which frames of a fast camera may share a time.
 const COARSE_CLOCK_S: f64 = 1e-4;
 
 /// Containers in which every frame has a time and seeking lands on a flagged key frame.
 const TIMED_CONTAINERS: [&str; 4] = ["mov", "mp4", "matroska", "webm"];
 
-/// Codecs whose packets are one shown frame each, and whose decoder shows where decoding may begin.
+/// Codecs with one shown frame per packet, whose decoder shows where decoding may begin.
 const SEEKABLE_CODECS: [&str; 9] = [
     "h264", "hevc", "vp8", "vp9", "av1", "mjpeg", "prores", "dnxhd", "ffv1",
 ];
 
-/// Videos of at most so many pixels in all frames are decoded when they are opened, which takes a few seconds and finds
-/// every damage. The frames of longer ones are taken from the container where that lists them.
+/// Maximum number of pixels in all frames of a video that is decoded on opening.
+///
+/// This takes a few seconds and finds every damage. The frames of longer videos are taken from the
+/// container if it lists them.
 const MAX_SCAN_PIXELS: u64 = 1_000_000_000;
 
-/// Finds out when the frames of a video are and how large they are shown.
+/// Reads the frame times and the shown size of a video.
 ///
 /// # Errors
-/// [`FrameError`] when ffmpeg is not installed, the file is no video or a damaged one, or the user stopped it.
+///
+/// [`FrameError`] if ffmpeg is not installed, the file is not a video or is damaged, or the user
+/// stopped it.
 pub(crate) fn probe(path: &Path, progress: &Progress) -> Result<Probed, FrameError> {
     probe_with(&Programs::default(), path, progress)
 }
@@ -75,22 +79,24 @@ fn probe_with(programs: &Programs, path: &Path, progress: &Progress) -> Result<P
     })
 }
 
-/// What the header says of the first video stream.
+/// Properties of the first video stream from the header.
 #[derive(Debug)]
 pub(super) struct Stream {
-    /// Whether frames are found by their times after a seek. Otherwise frame k is the k-th that decoding from the
-    /// beginning gives: containers such as AVI, MPEG-TS and raw streams have no reliable times, and decoders such as
-    /// that of MPEG-4 Part 2 do not show whether frames after a seek are whole.
+    /// Whether frames are found by their times after a seek.
+    ///
+    /// Otherwise frame k is the k-th of decoding from the beginning. Containers such as AVI,
+    /// MPEG-TS and raw streams have no reliable times, and decoders such as that of MPEG-4 Part 2
+    /// do not show whether frames after a seek are complete.
     pub is_seekable: bool,
-    /// Where the clock of the file begins, in seconds.
+    /// Start of the file's clock in seconds.
     pub start_s: f64,
     pixels: u64,
-    /// Seconds between two steps of the clock that times are counted in.
+    /// Seconds per step of the clock that times are counted in.
     clock_step_s: f64,
 }
 
 impl Stream {
-    /// A stream of which only this is known.
+    /// Returns a stream with only this property set.
     #[cfg(test)]
     pub fn for_tests(is_seekable: bool) -> Self {
         Self {
@@ -155,8 +161,10 @@ impl Stream {
         })
     }
 
-    /// Marks the stream as not seekable where two frames have the same time. Reads all packets where the clock is coarse, as
-    /// in Matroska, whose usual steps are milliseconds.
+    /// Marks the stream as not seekable if two frames have the same time.
+    ///
+    /// All packets are read if the clock is coarse, as in Matroska, whose usual steps are
+    /// milliseconds.
     pub fn check_times(
         &mut self,
         programs: &Programs,
@@ -171,7 +179,7 @@ impl Stream {
     }
 }
 
-/// The times of the frames, and what is wrong with them.
+/// Returns the times of the frames, and the damage found.
 fn times(
     programs: &Programs,
     path: &Path,
@@ -190,7 +198,8 @@ fn times(
     }
     let (mut times_s, mut damage) = scan(programs, path, false, progress)?;
     if damage.is_some() {
-        // With one thread, as frames of damaged videos are read: what decoders make of damage depends on threads.
+        // Frames of damaged videos are read with one thread, because the result depends on the
+        // threads.
         (times_s, damage) = scan(programs, path, true, progress)?;
     }
     let missing = listed.map_or(0, |listed| listed.len().saturating_sub(times_s.len()));
@@ -200,7 +209,7 @@ fn times(
     Ok((from_start(times_s, stream.start_s), damage))
 }
 
-/// The times of all frames by decoding the whole video, and the first error with the frame it was found at.
+/// Returns the times of all frames by decoding the video, and the first error with its frame.
 fn scan(
     programs: &Programs,
     path: &Path,
@@ -244,14 +253,14 @@ fn scan(
     ))
 }
 
-/// Times that packets give; `None` once one has no time.
+/// Times of packets; `None` once one has no time.
 struct Packets {
     times_s: Option<Vec<f64>>,
     starts_with_key: Option<bool>,
 }
 
 impl Packets {
-    /// Reads all packets of the video; also gives ffprobe's first error.
+    /// Reads all packets of the video; also returns ffprobe's first error.
     fn read(
         programs: &Programs,
         path: &Path,
@@ -267,7 +276,7 @@ impl Packets {
         Ok((packets, errors))
     }
 
-    /// Whether two frames cannot be distinguished by their times.
+    /// Returns whether two frames cannot be distinguished by their times.
     fn has_equal_times(&self) -> bool {
         let mut times_s = self.times_s.clone().unwrap_or_default();
         times_s.sort_by(f64::total_cmp);
@@ -276,8 +285,10 @@ impl Packets {
             .any(|pair| pair[1] - pair[0] <= SAME_TIME_S)
     }
 
-    /// The times in order of presentation, where they are certain: each its own, and none before that of the first key
-    /// frame, which could not be decoded.
+    /// Returns the times in order of presentation if they are certain.
+    ///
+    /// Each must be different, and none before that of the first key frame, which could not be
+    /// decoded.
     fn whole(self) -> Option<Vec<f64>> {
         let mut times_s = self
             .times_s
@@ -309,7 +320,7 @@ impl Packets {
     }
 }
 
-/// The time of an image that has none: as long after the one before as that is after its own.
+/// Returns the time of an image without one: the previous step is repeated.
 fn after(times_s: &[f64]) -> f64 {
     match times_s {
         [.., before, last] => 2.0 * last - before,
@@ -324,7 +335,7 @@ fn from_start(mut times_s: Vec<f64>, start_s: f64) -> Vec<f64> {
     times_s
 }
 
-/// Runs ffprobe on the video's images and hands over its lines; returns its first complaint.
+/// Runs ffprobe on the video's images and passes on its lines; returns its first error message.
 fn ffprobe(
     programs: &Programs,
     path: &Path,
@@ -366,7 +377,9 @@ fn ffprobe(
     read.map(|()| complaint)
 }
 
-/// The first line of what a program complained about; reads on to the end so that the program is not held up.
+/// Returns the first line of a program's error output.
+///
+/// It reads on to the end, so that the program does not block.
 fn first_line(stderr: ChildStderr) -> Option<String> {
     let mut reader = BufReader::new(stderr);
     let mut line = Vec::new();
@@ -379,7 +392,7 @@ fn first_line(stderr: ChildStderr) -> Option<String> {
     (!message.is_empty()).then(|| message.to_owned())
 }
 
-/// The value of `key` in a line of ffprobe's compact form, when the line belongs to `section`.
+/// Returns the value of `key` in a line of ffprobe's compact form, if it belongs to `section`.
 fn field<'a>(line: &'a str, section: &str, key: &str) -> Option<&'a str> {
     let fields = line.strip_prefix(section)?.split('|');
     fields
@@ -399,7 +412,9 @@ fn no_film(path: &Path, why: &str) -> FrameError {
     }
 }
 
-/// Two times are the same when they differ by less: they are whole steps of the same clock, rounded to microseconds.
+/// Maximum difference in seconds of equal times.
+///
+/// Times are whole steps of the same clock, rounded to microseconds.
 pub(super) const SAME_TIME_S: f64 = 5e-6;
 
 #[cfg(test)]
@@ -421,7 +436,7 @@ mod tests {
     }
 
     #[test]
-    fn packets_in_decoding_order_give_rising_times() {
+    fn packets_in_decoding_order_give_increasing_times() {
         let mut packets = Packets {
             times_s: Some(Vec::new()),
             starts_with_key: None,

@@ -9,13 +9,15 @@ use ffmpeg_sidecar::command::FfmpegCommand;
 use crate::FrameError;
 use ostra_core::programs::{ChildProcess, find};
 
-/// Containers that hold their own data. Those that refer to other files or addresses (playlists such as HLS and DASH,
-/// concat scripts, SDP, image sequences) are left out: a file from a stranger must not make ffmpeg open anything else.
+/// Containers that contain their own data.
+///
+/// Those that refer to other files or addresses (playlists such as HLS and DASH, concat scripts,
+/// SDP, image sequences) are left out: an untrusted file must not make ffmpeg open anything else.
 const CONTAINERS: &str = "mov,matroska,webm,avi,mpegts,mpegtsraw,mpeg,mpegvideo,m4v,h261,h263,h264,hevc,vvc,vc1,\
                           vc1test,av1,obu,ivf,dirac,mjpeg,mjpeg_2000,dnxhd,cavsvideo,flv,live_flv,asf,ogg,gif,apng,nut,mxf,gxf,\
                           lxf,rm,dv,wtv,pva,nuv,swf,yuv4mpegpipe,smk,bink,roq,rpl,film_cpk,nsv,ty,viv,xmv,r3d,4xm";
 
-/// The system's ffmpeg programs, found when they are first needed.
+/// The system's ffmpeg programs, located on first use.
 #[derive(Debug)]
 pub(super) struct Programs {
     pub ffmpeg: PathBuf,
@@ -30,7 +32,7 @@ impl Default for Programs {
 }
 
 impl Programs {
-    /// Programs at other places than the system's own.
+    /// Returns programs at the given paths.
     pub fn new(ffmpeg: PathBuf, ffprobe: PathBuf) -> Self {
         Self {
             ffmpeg,
@@ -39,7 +41,7 @@ impl Programs {
         }
     }
 
-    /// The options that pass every image on once, without doubling or dropping any to keep a rate.
+    /// Returns the options that output every image once, without a constant rate.
     pub fn every_picture_once(&self) -> [&'static str; 2] {
         *self.every_picture_once.get_or_init(|| {
             let mut text = String::new();
@@ -58,12 +60,13 @@ impl Programs {
     }
 }
 
-/// A program that reads nothing from the terminal; its output is piped here.
+/// Returns the command of a program with piped output that reads nothing from the terminal.
 pub(super) fn command(
     program: &Path,
     arguments: impl IntoIterator<Item = impl AsRef<OsStr>>,
 ) -> Command {
-    let mut command = Command::from(FfmpegCommand::new_with_path(program)); // opens no console on Windows
+    // `FfmpegCommand` opens no console on Windows.
+    let mut command = Command::from(FfmpegCommand::new_with_path(program));
     command
         .args(arguments)
         .stdin(Stdio::null())
@@ -72,7 +75,9 @@ pub(super) fn command(
     command
 }
 
-/// The program next to this one, else that of the `PATH`; the bare name, which [`ChildProcess::spawn`] refuses, where there is none.
+/// Returns the program next to this one, else that of the `PATH`.
+///
+/// If there is none, returns the bare name, which [`ChildProcess::spawn`] refuses.
 fn located(name: &str) -> PathBuf {
     let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);
     let own = std::env::current_exe()
@@ -83,10 +88,11 @@ fn located(name: &str) -> PathBuf {
         .unwrap_or_else(|| name.into())
 }
 
-/// The arguments that name an input: a regular file by its absolute path, read by no protocol but `file:`.
+/// Returns the arguments that name an input: a regular file by its absolute path, only as `file:`.
 ///
 /// # Errors
-/// [`FrameError`] when the path is relative (it may be an address) or is no regular file.
+///
+/// [`FrameError`] if the path is relative (it may be an address) or not that of a regular file.
 pub(super) fn input(path: &Path) -> Result<Vec<OsString>, FrameError> {
     let invalid = |what: &str| FrameError::Invalid {
         path: path.into(),
@@ -119,7 +125,7 @@ pub(super) fn input(path: &Path) -> Result<Vec<OsString>, FrameError> {
         .collect())
 }
 
-/// What a complaint of ffmpeg means to the user, where its own text says too little.
+/// Returns the meaning of an ffmpeg error for the user, if its own text is not clear.
 pub(super) fn explained(complaint: &str) -> String {
     if complaint.contains("not on whitelist") {
         return "its format is not a supported video container, or one that refers to other files, such as a playlist"
@@ -128,7 +134,7 @@ pub(super) fn explained(complaint: &str) -> String {
     complaint.to_owned()
 }
 
-/// The error for a program that cannot be started to read `film`.
+/// Returns the error for a program that cannot be started to read `film`.
 pub(super) fn not_started(film: &Path, program: &Path, error: &std::io::Error) -> FrameError {
     let what = format!(
         "films are read with ffmpeg, and {} cannot be started ({error}); install ffmpeg, with ffprobe, so that both are \
@@ -141,7 +147,9 @@ pub(super) fn not_started(film: &Path, program: &Path, error: &std::io::Error) -
     }
 }
 
-/// Reads `ffmpeg version 4.4.2-…` or `ffmpeg version n5.0 …`; builds named otherwise are taken for new ones.
+/// Returns whether a line `ffmpeg version 4.4.2-…` or `ffmpeg version n5.0 …` is older than 5.1.
+///
+/// Builds with other names count as new.
 fn is_before_5_1(text: &str) -> bool {
     let version = text
         .strip_prefix("ffmpeg version ")
@@ -160,7 +168,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn versions_are_told_apart() {
+    fn versions_before_5_1_are_recognised() {
         for old in ["4.4.2-0ubuntu0.22.04.1", "n5.0 Copyright", "5 Copyright"] {
             assert!(is_before_5_1(&format!("ffmpeg version {old}")), "{old}");
         }

@@ -6,31 +6,37 @@ use super::probe::{SAME_TIME_S, Stream};
 use super::programs::Programs;
 use crate::{FrameError, Image};
 
-/// The frame that is asked for.
+/// The requested frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Target {
-    /// Its number, from 0, in the order in which decoding from the beginning gives frames.
+    /// Number from 0, in the order of decoding from the beginning.
     pub index: u64,
-    /// Its time in seconds from the start of the file.
+    /// Time in seconds from the start of the file.
     pub time_s: f64,
 }
 
-/// How long before the frame asked for to seek to, one after the other, where a seek lands too late: behind leading
-/// frames that cannot be decoded without the frames before the key frame.
+/// Seconds before the requested frame to seek to, tried in turn while a seek lands too late.
+///
+/// A seek lands behind leading frames that cannot be decoded without the frames before the key
+/// frame.
 const RUN_UPS_S: [f64; 4] = [0.0, 2.0, 10.0, 60.0];
 
-/// Below this number decoding from the beginning costs no more than seeking.
+/// Frame number below which decoding from the beginning is as fast as seeking.
 const NEAR_START: u64 = 60;
 
-/// What is known of a video after reading some of it.
+/// Knowledge about a video after reading some of it.
 #[derive(Debug, Clone)]
 pub(super) struct Knowledge {
     pub stream: Arc<Stream>,
-    /// No seek gave the frame asked for, or ffmpeg reported errors after one: seeks prove nothing here.
+    /// Whether no seek found the requested frame, or ffmpeg reported errors after one.
+    ///
+    /// Seeks are then not reliable.
     pub is_unseekable: bool,
-    /// Decoding from the beginning reported errors.
+    /// First error of decoding from the beginning.
     pub damage: Option<Damage>,
-    /// Checksum and time of each frame that decoding from the beginning gave so far; equal frames prove a seek.
+    /// Checksum and time of each frame decoded from the beginning so far.
+    ///
+    /// Equal frames confirm a seek.
     pub seen: Vec<Seen>,
 }
 
@@ -41,7 +47,7 @@ pub(super) struct Damage {
     pub error: String,
 }
 
-/// What a frame is recognised by.
+/// Properties by which a frame is recognised.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Seen {
     pts_s: Option<f64>,
@@ -58,7 +64,7 @@ impl Knowledge {
         }
     }
 
-    /// Whether seeks are believed by the time of what they give.
+    /// Returns whether the time of a frame after a seek is reliable.
     pub fn has_reliable_seeks(&self) -> bool {
         self.stream.is_seekable && !self.is_unseekable && self.damage.is_none()
     }
@@ -69,7 +75,7 @@ impl Knowledge {
         }
     }
 
-    /// How to start decoding so that `target` is reached, best first.
+    /// Returns how to start decoding to reach `target`, best first.
     fn starts(&self, target: Target, ahead: usize) -> Vec<Start> {
         let (checksums, single_thread) = (!self.has_reliable_seeks(), self.damage.is_some());
         let start = |seek_s| Start {
@@ -91,33 +97,33 @@ impl Knowledge {
     }
 }
 
-/// A decoder and where it is.
+/// A decoder and its position.
 #[derive(Debug)]
 pub(super) struct Running {
     decoder: Decoder,
-    /// Number of the frame that comes next; after a seek known only once a frame has been recognised.
+    /// Number of the next frame; after a seek known only once a frame has been recognised.
     pub next: Option<u64>,
     is_from_start: bool,
     is_single_thread: bool,
 }
 
-/// Why a decoder did not give the frame asked for.
+/// Why a decoder did not find the requested frame.
 #[derive(Debug)]
 enum Missed {
-    /// It gives later frames, or others than it should.
+    /// The decoder is past the frame, or its frames are not the expected ones.
     Passed,
-    /// There are no more frames, and why.
+    /// There are no more frames, with the reason.
     Ended(String),
-    /// ffmpeg reported an error at the frame of this number.
+    /// ffmpeg reported an error at a frame.
     Error(Damage),
 }
 
 impl Running {
-    /// Decodes up to the frame asked for.
+    /// Decodes up to the requested frame.
     fn advance(&mut self, target: Target, known: &mut Knowledge) -> Result<Image, Missed> {
         loop {
             let frame = self.decoder.next().map_err(Missed::Ended)?;
-            // Frames that are recognised by their content need no other proof.
+            // Frames that are recognised by their content need no other check.
             let counts =
                 known.damage.is_none() && (self.is_from_start || known.has_reliable_seeks());
             if let Some(error) = frame.info.error.clone().filter(|_| counts) {
@@ -166,12 +172,14 @@ impl Running {
         if self.next.is_none() && !frame.info.is_intra_key {
             return Err(Missed::Passed);
         }
-        self.next = self.next.or(Some(0)); // the number is right from the first frame that is recognised
+        // The number is only right from the first recognised frame on.
+        self.next = self.next.or(Some(0));
         compare_time(pts_s - known.stream.start_s, target)
     }
 
-    /// After a seek in a video whose seeks prove nothing: frames are recognised by time and content, those of the first
-    /// pass from the beginning.
+    /// Returns whether a frame after an unreliable seek is the target.
+    ///
+    /// Frames are recognised by time and content as those of the first pass from the beginning.
     fn is_seen_target(
         &self,
         found: Seen,
@@ -179,7 +187,7 @@ impl Running {
         known: &Knowledge,
     ) -> Result<bool, Missed> {
         if let Some(next) = self.next {
-            // It goes on from a recognised frame: each must be the one that followed it in the first pass.
+            // After a recognised frame, each must be the one that followed it in the first pass.
             let is_known =
                 known.seen.get(next as usize) == Some(&found) && found.checksum.is_some();
             return if is_known {
@@ -201,7 +209,7 @@ impl Running {
     }
 }
 
-/// Whether a frame of this time is the one asked for.
+/// Returns whether a frame of this time is the requested one.
 fn compare_time(time_s: f64, target: Target) -> Result<bool, Missed> {
     match time_s - target.time_s {
         late if late > SAME_TIME_S => Err(Missed::Passed),
@@ -209,7 +217,7 @@ fn compare_time(time_s: f64, target: Target) -> Result<bool, Missed> {
     }
 }
 
-/// Whether the frame of this number is the one asked for.
+/// Returns whether the frame of this number is the requested one.
 fn compare_number(number: u64, target: Target) -> Result<bool, Missed> {
     if number > target.index {
         Err(Missed::Passed)
@@ -218,8 +226,10 @@ fn compare_number(number: u64, target: Target) -> Result<bool, Missed> {
     }
 }
 
-/// Reads one frame: from a decoder that comes to it soon, else from one that is started near it, else from the
-/// beginning. Gives the decoder back for the frames that follow.
+/// Reads one frame and returns the decoder for the frames that follow.
+///
+/// The frame comes from a decoder that reaches it soon, else from one that is started near it, else
+/// from the beginning.
 pub(super) fn read_frame(
     programs: &Programs,
     path: &Path,
@@ -239,7 +249,7 @@ pub(super) fn read_frame(
         let was_damaged = known.damage.is_some();
         match start_and_read(programs, path, (target, ahead), known)? {
             Ok(found) => return Ok(found),
-            // Once more, with one thread.
+            // Try again with one thread.
             Err(Missed::Error(_)) if !was_damaged => {}
             Err(missed) => return Err(no_frame(path, target, &missed, known)),
         }
@@ -256,7 +266,7 @@ fn start_and_read(
     for start in known.starts(target, ahead) {
         let is_from_start = start.seek_s.is_none();
         if is_from_start && target.index > NEAR_START {
-            known.is_unseekable = true; // no seek gave it
+            known.is_unseekable = true; // no seek found it
         }
         let start = Start {
             checksums: !known.has_reliable_seeks(),
@@ -283,7 +293,7 @@ fn start_and_read(
 }
 
 impl Knowledge {
-    /// Adds what another thread found out.
+    /// Adds the knowledge of another thread.
     pub fn learn_from(&mut self, other: Self) {
         self.is_unseekable |= other.is_unseekable;
         self.damage = self.damage.take().or(other.damage);
@@ -292,7 +302,9 @@ impl Knowledge {
         }
     }
 
-    /// Adds an error of ffmpeg. After a seek it may only mean that frames before were missing.
+    /// Adds an error of ffmpeg.
+    ///
+    /// After a seek, it may only mean that earlier frames were missing.
     fn learn(&mut self, damage: Damage, is_from_start: bool) {
         if is_from_start {
             self.damage.get_or_insert(damage);

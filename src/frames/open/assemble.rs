@@ -1,4 +1,4 @@
-//! Opening: from a request to named frames in project order.
+//! Opening of a request: named frames in project order.
 
 use std::collections::BTreeSet;
 use std::path::{Component, Path, PathBuf};
@@ -11,20 +11,32 @@ use crate::cameras::DepthCameraSource;
 use crate::{Frame, FrameError};
 use ostra_core::job::Progress;
 
-/// Lists the sources, pairs depth, reads the headers (in parallel) and names the frames.
+/// Opens the frames of a request.
+///
+/// The sources are listed and paired with depth, headers are read in parallel, and frames get
+/// names.
 ///
 /// # Errors
-/// [`FrameError`] when a source is missing or empty, no image or no depth can be read (where some can, the others are named
-/// in warnings), no depth fits, no frame is left by `every`, `from` and `to`, or the user stopped it.
+///
+/// [`FrameError`] if:
+///
+/// - a source is missing or empty,
+/// - no image or no depth can be read (if some can, warnings name the others),
+/// - no depth matches,
+/// - `every`, `from` and `to` leave no frame,
+/// - the user stopped it.
 pub fn open(request: &OpenRequest, progress: &Progress) -> Result<Opened, FrameError> {
     open_more(&[], request, progress)
 }
 
-/// As [`open`], for frames that join `existing` ones: images that are there already are left out, and names that are
-/// taken get more of the path's last parts in front. Only the new frames are returned.
+/// Opens frames that are added to `existing` ones; returns only the new frames.
+///
+/// Images that are already there are skipped. Names that are taken get more of the path's last
+/// parts in front. Otherwise this is [`open`].
 ///
 /// # Errors
-/// As [`open`], and when there is no new image.
+///
+/// As [`open`], and if there is no new image.
 pub fn open_more(
     existing: &[Frame],
     request: &OpenRequest,
@@ -84,7 +96,7 @@ fn check(request: &OpenRequest) -> Result<(), FrameError> {
     Ok(())
 }
 
-/// The items that `every`, `from` and `to` leave, each with the number of its source.
+/// Returns the items that `every`, `from` and `to` select, each with the number of its source.
 fn thinned(sources: Vec<Source>, request: &OpenRequest) -> Result<Vec<(usize, Item)>, FrameError> {
     let count: usize = sources.iter().map(|source| source.items.len()).sum();
     let (from, to) = (request.from.unwrap_or(0), request.to.unwrap_or(usize::MAX));
@@ -108,7 +120,7 @@ fn thinned(sources: Vec<Source>, request: &OpenRequest) -> Result<Vec<(usize, It
     Ok(kept)
 }
 
-/// Leaves out what is a frame already, or comes twice because one source lies in another.
+/// Drops items that already are frames, or appear twice because one source contains another.
 fn new_items(
     existing: &[Frame],
     items: Vec<(usize, Item)>,
@@ -137,7 +149,7 @@ fn new_items(
     Ok(new)
 }
 
-/// What goes before the names of each source's frames.
+/// Path parts that prefix the names of each source's frames.
 struct Places {
     stems: Vec<PathBuf>,
     whole: Vec<PathBuf>,
@@ -180,11 +192,14 @@ impl Places {
     }
 }
 
-/// The names of frames given as (number of its source, name below it): before each go as many of its source's last
-/// parts, at least `at_least`, as make the sources differ and no name one that is `taken`.
+/// Returns the names of frames given as (number of its source, name below it).
+///
+/// Names are prefixed by the last parts of their source's path. The number of parts is at least
+/// `at_least`, and as many as make the sources differ and no name one that is `taken`.
 ///
 /// # Errors
-/// [`FrameError::NotFound`] when the same source is given twice or the whole path is not enough.
+///
+/// [`FrameError::NotFound`] if the same source is given twice or the whole path is not enough.
 fn name_frames(
     items: &[(usize, &str)],
     sources: &[&Path],
@@ -257,13 +272,13 @@ mod tests {
     }
 
     #[test]
-    fn one_folder_needs_no_words() {
+    fn one_folder_needs_no_prefix() {
         assert_eq!(named(&["/data/run1/color"], 0, &[]).unwrap(), ["1.png"]);
         assert_eq!(named(&["/data/film"], 1, &[]).unwrap(), ["film/1.png"]);
     }
 
     #[test]
-    fn several_take_as_many_parts_as_make_them_differ() {
+    fn several_folders_take_as_many_parts_as_make_them_differ() {
         assert_eq!(
             named(&["/data/run1", "/data/run2"], 1, &[]).unwrap(),
             ["run1/1.png", "run2/1.png"]
@@ -293,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn the_same_twice_is_an_error() {
+    fn same_folder_twice_is_an_error() {
         assert!(
             named(&["/data/run1", "/data/run1"], 1, &[])
                 .unwrap_err()

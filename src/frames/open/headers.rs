@@ -13,35 +13,39 @@ use crate::{DepthSource, Frame, FrameError, Orientation, PictureSource};
 use ostra_core::job::Progress;
 use ostra_geometry::{GeometryError, Turn};
 
-/// Images whose colours are floats are decoded one at a time: they are large.
+/// Images with float colours are decoded one at a time, because they are large.
 static FLOAT_COLORS: Mutex<()> = Mutex::new(());
 
-/// What is known of the depths of all sources.
+/// Properties of the depth of all sources.
 pub(super) struct Sensor {
     /// World units per step of a stored integer.
     pub unit: f64,
     /// World units per unit of a stored float.
     pub float_unit: f64,
-    /// The camera that measured them; `None` = the images'.
+    /// Camera that measured the depth; `None` = that of the images.
     pub camera: Option<GivenDepthCamera>,
 }
 
-/// A frame, and what of it could not be read.
+/// A frame and its read errors.
 struct Read {
     frame: Frame,
     content: Content,
     has_float_depth: bool,
-    /// The value of white, where its colours are floats.
+    /// Value of white, if the colours are floats.
     float_white: Option<f32>,
-    /// Why its image cannot be read. Its size is the real one only where the header could be read.
+    /// Why the image cannot be read.
+    ///
+    /// The size is the real one only if the header could be read.
     problem: Option<FrameError>,
     has_size: bool,
-    /// Why its depth cannot be read; it has none then.
+    /// Why the depth cannot be read; the frame then has none.
     depth_problem: Option<FrameError>,
 }
 
-/// Makes frames of listed images from their headers, read in parallel; warnings name what looks odd. Where some images or
-/// depths can be read, the others are named in a warning: an image that is damaged keeps its place among the frames.
+/// Creates frames of listed images from their headers, read in parallel; returns warnings, too.
+///
+/// If some images or depth maps can be read, the others are named in a warning. A damaged image
+/// keeps its place among the frames.
 pub(super) fn read_frames(
     items: &[Item],
     sensor: &Sensor,
@@ -52,7 +56,8 @@ pub(super) fn read_frames(
         progress.step(done.fetch_add(1, Ordering::Relaxed), items.len())?;
         frame_of(item, sensor)
     });
-    let read: Vec<Result<Read, FrameError>> = read.collect(); // so that the first error is always the same
+    // All results are collected before the first error is taken, so that it is always the same one.
+    let read: Vec<Result<Read, FrameError>> = read.collect();
     let mut read: Vec<Read> = read.into_iter().collect::<Result<_, _>>()?;
     if read.iter().all(|read| read.problem.is_some())
         && let Some(error) = read.iter_mut().find_map(|read| read.problem.take())
@@ -80,7 +85,9 @@ pub(super) fn read_frames(
     ))
 }
 
-/// Gives frames whose header cannot be read the size of the frame before them, else of the first that has one.
+/// Gives frames with unreadable headers the size of the frame before them.
+///
+/// The first ones get the size of the first frame with a readable header.
 fn give_sizes(read: &mut [Read]) {
     let size_of = |read: &Read| {
         read.has_size
@@ -131,7 +138,7 @@ fn frame_of(item: &Item, sensor: &Sensor) -> Result<Read, FrameError> {
         }
     };
     let (mut depth_problem, mut depth, mut has_float_depth) = (None, None, false);
-    // Depth of an image whose size is not known cannot be checked.
+    // Depth of an image of unknown size cannot be checked.
     if let (Some(path), Some(header)) = (&item.depth, header) {
         match sensor.depth(path, picture.path(), header) {
             Ok((source, is_float)) => (depth, has_float_depth) = (Some(source), is_float),
@@ -176,7 +183,7 @@ fn only_depth(path: &Path) -> FrameError {
 }
 
 impl Sensor {
-    /// A depth camera is given for something.
+    /// Returns an error if a depth camera is given but no frame has depth.
     pub fn check(&self, items: &[Item]) -> Result<(), FrameError> {
         if self.camera.is_some() && items.iter().all(|item| item.depth.is_none()) {
             let what = "a depth camera is given but no frame has depth; give the folder of depths (--depth)";
@@ -185,7 +192,7 @@ impl Sensor {
         Ok(())
     }
 
-    /// An image's depth, judged by its header, and whether it is of floats.
+    /// Returns an image's depth, judged by its header, and whether it has float values.
     fn depth(
         &self,
         path: &Path,
@@ -327,7 +334,7 @@ fn warn_of_alpha(read: &[Read]) -> Option<String> {
     ))
 }
 
-/// Whether an image has transparent pixels. One that cannot be decoded has none.
+/// Returns whether an image has transparent pixels; one that cannot be decoded has none.
 fn is_transparent(frame: &Frame) -> bool {
     match &frame.picture {
         PictureSource::File { path, orientation } => {

@@ -1,4 +1,4 @@
-//! Images in folders, in natural order, and the items made of them.
+//! Images in folders, in natural order, and the items created from them.
 
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
@@ -9,11 +9,13 @@ use crate::header::FORMATS;
 use crate::{FrameError, PictureSource};
 use ostra_core::disk;
 
-/// The endings of image files, in lower case.
+/// File extensions of images, in lower case.
 pub(super) const PICTURE_ENDINGS: [&str; 8] =
     ["jpg", "jpeg", "png", "tif", "tiff", "webp", "jfif", "jpe"];
 
-/// The endings of image files that cannot be read, in lower case: phones, other formats, raw files of cameras.
+/// File extensions of unsupported images, in lower case.
+///
+/// They are those of phones, other formats, and raw files of cameras.
 const UNSUPPORTED_ENDINGS: [&str; 45] = [
     "heic", "heif", "hif", "avif", "jxl", "jp2", "j2k", "jpx", "jpf", "bmp", "dib", "gif", "ppm",
     "pgm", "pbm", "pnm", "pfm", "tga", "exr", "hdr", "psd", "dng", "cr2", "cr3", "crw", "nef",
@@ -24,27 +26,27 @@ const UNSUPPORTED_ENDINGS: [&str; 45] = [
 /// A file below a folder.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Listed {
-    /// Its path below the folder, with `/`.
+    /// Path below the folder, separated by `/`.
     pub name: String,
-    /// Its whole path.
+    /// Full path.
     pub path: PathBuf,
 }
 
-/// The images in a folder and its subfolders, and what was left out.
+/// The images in a folder and its subfolders, and the skipped files.
 #[derive(Debug, Default)]
 pub(super) struct FolderContent {
-    /// In natural order.
+    /// Images in natural order.
     pub pictures: Vec<Listed>,
-    /// Images in formats that cannot be read, by their paths below the folder.
+    /// Unsupported images, by their paths below the folder.
     unsupported: Vec<String>,
-    /// Folders of systems and thumbnails.
+    /// Folders of systems and of thumbnails.
     system: Vec<String>,
-    /// Images and folders whose names are not valid UTF-8, as they can be shown.
+    /// Images and folders with names that are not valid UTF-8, in displayable form.
     not_utf8: Vec<String>,
 }
 
 impl FolderContent {
-    /// Lines about what was left out.
+    /// Returns warnings about the skipped files.
     pub fn warnings(&self, folder: &Path) -> Vec<String> {
         let unsupported = self
             .unsupported()
@@ -65,7 +67,7 @@ impl FolderContent {
             .collect()
     }
 
-    /// Describes what was left out and could be opened after a change; empty where there is nothing.
+    /// Describes skipped files that could be opened after a change; empty if there are none.
     pub fn left_out(&self) -> String {
         [self.unsupported(), self.not_utf8()]
             .into_iter()
@@ -84,7 +86,7 @@ impl FolderContent {
         ))
     }
 
-    /// Describes the images in formats that cannot be read; `None` where there are none.
+    /// Describes the unsupported images; `None` if there are none.
     fn unsupported(&self) -> Option<String> {
         if self.unsupported.is_empty() {
             return None;
@@ -108,8 +110,9 @@ fn how_to_convert<'a>(mut names: impl Iterator<Item = &'a str>) -> &'static str 
     }
 }
 
-/// The error for a file whose name ends as images that cannot be read do; `None` for other names, and for GIF, which
-/// ffmpeg reads as a video.
+/// Returns the error for a file with the extension of unsupported images.
+///
+/// `None` for other extensions, and for GIF, which ffmpeg reads as a video.
 pub(super) fn unsupported_image(path: &Path) -> Option<FrameError> {
     let is_unsupported = ending_is(path, &UNSUPPORTED_ENDINGS) && !ending_is(path, &["gif"]);
     is_unsupported.then(|| {
@@ -122,7 +125,9 @@ pub(super) fn unsupported_image(path: &Path) -> Option<FrameError> {
     })
 }
 
-/// The images in a folder and its subfolders. Hidden files and folders, and those of systems, are skipped.
+/// Lists the images in a folder and its subfolders.
+///
+/// Hidden files and folders, and those of systems, are skipped.
 pub(super) fn list_pictures(folder: &Path) -> Result<FolderContent, FrameError> {
     let mut walk = Walk {
         found: FolderContent::default(),
@@ -142,7 +147,7 @@ pub(super) fn list_pictures(folder: &Path) -> Result<FolderContent, FrameError> 
     Ok(walk.found)
 }
 
-/// Whether a file name ends as images do.
+/// Returns whether a file has the extension of an image.
 pub(super) fn has_picture_ending(path: &Path) -> bool {
     ending_is(path, &PICTURE_ENDINGS)
 }
@@ -154,7 +159,7 @@ fn ending_is(path: &Path, endings: &[&str]) -> bool {
     ending.is_some_and(|ending| endings.contains(&ending.as_str()))
 }
 
-/// The path as text, since projects are text files.
+/// Returns the path as text, because projects are text files.
 pub(super) fn text_of(path: &Path) -> Result<&str, FrameError> {
     path.to_str().ok_or_else(|| FrameError::Invalid {
         path: path.into(),
@@ -223,9 +228,10 @@ impl Walk {
     }
 }
 
-/// Natural order of names: runs of digits compare as numbers (`2` before `10`), the rest by character, folder by
-/// folder along `/`. Names that differ in nothing but leading zeros follow in byte order, so that only equal names
-/// compare equal.
+/// Compares names in natural order: runs of digits compare as numbers (`2` before `10`).
+///
+/// The rest compares by character, folder by folder along `/`. Names that only differ in leading
+/// zeros follow in byte order, so that only equal names compare equal.
 pub fn natural_order(a: &str, b: &str) -> Ordering {
     let parts = a
         .split('/')
@@ -269,7 +275,7 @@ fn compare_numbers(a: &str, b: &str) -> Ordering {
     a.len().cmp(&b.len()).then_with(|| a.cmp(b))
 }
 
-/// Where an image comes from, before its header is read.
+/// Source of an image, before its header is read.
 #[derive(Debug, Clone)]
 pub(super) enum Origin {
     /// An image file.
@@ -278,7 +284,7 @@ pub(super) enum Origin {
     Film(PictureSource, (u32, u32)),
 }
 
-/// An image without depth so far.
+/// Returns an item without depth.
 pub(super) fn without_depth(picture: Listed) -> Item {
     Item {
         name: picture.name,
@@ -290,16 +296,16 @@ pub(super) fn without_depth(picture: Listed) -> Item {
 /// One image before its header is read.
 #[derive(Debug)]
 pub(super) struct Item {
-    /// Below the source; empty when the source is this one image.
+    /// Name below the source; empty if the source is this one image.
     pub name: String,
-    /// Where the image comes from.
+    /// Source of the image.
     pub origin: Origin,
-    /// The depth file that belongs to it.
+    /// Depth file of the image.
     pub depth: Option<PathBuf>,
 }
 
 impl Item {
-    /// Name and file, as pairing wants them.
+    /// Returns the name and file for pairing.
     pub fn listed(&self) -> Listed {
         let path = match &self.origin {
             Origin::File(path) => path.clone(),
@@ -311,7 +317,7 @@ impl Item {
         }
     }
 
-    /// Identity of this image: its file, and its index in the video.
+    /// Returns the identity of this image: its file and its index in the video.
     pub fn identity(&self) -> (PathBuf, u64) {
         match &self.origin {
             Origin::File(path) => (path.clone(), 0),
@@ -319,7 +325,7 @@ impl Item {
         }
     }
 
-    /// The image file and the depth file, where there are both.
+    /// Returns the image file and the depth file if both exist.
     pub fn files_with_depth(&self) -> Option<(&Path, &Path)> {
         match (&self.origin, &self.depth) {
             (Origin::File(picture), Some(depth)) => Some((picture, depth)),
@@ -336,7 +342,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_that_are_not_utf8_are_left_out_with_a_warning() {
+    fn names_that_are_not_utf8_are_skipped_with_a_warning() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("a.png"), "").unwrap();
         std::fs::write(folder.path().join(OsStr::from_bytes(b"b\xe9.png")), "").unwrap();
@@ -365,7 +371,7 @@ mod natural_tests {
     use super::*;
 
     #[test]
-    fn numbers_count_and_folders_stay_together() {
+    fn numbers_sort_by_value_and_folders_stay_together() {
         let mut names = [
             "10.png",
             "9.png",
@@ -393,7 +399,7 @@ mod natural_tests {
     }
 
     #[test]
-    fn numbers_longer_than_any_integer() {
+    fn numbers_longer_than_any_integer_are_compared() {
         let (a, b) = (
             format!("1{}.png", "0".repeat(40)),
             format!("2{}.png", "0".repeat(39)),
@@ -405,7 +411,7 @@ mod natural_tests {
 
     proptest! {
         #[test]
-        fn it_is_a_total_order(a in "[a0-1/é]{0,6}", b in "[a0-1/é]{0,6}", c in "[a0-1/é]{0,6}") {
+        fn natural_order_is_a_total_order(a in "[a0-1/é]{0,6}", b in "[a0-1/é]{0,6}", c in "[a0-1/é]{0,6}") {
             prop_assert_eq!(natural_order(&a, &b), natural_order(&b, &a).reverse());
             prop_assert_eq!(natural_order(&a, &b).is_eq(), a == b);
             if natural_order(&a, &b).is_le() && natural_order(&b, &c).is_le() {

@@ -1,4 +1,4 @@
-//! From what the user names (folders, images, videos, depth) to frames in project order.
+//! Opening of sources (folders, images, videos, depth) as frames in project order.
 
 mod assemble;
 mod headers;

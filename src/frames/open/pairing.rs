@@ -1,4 +1,4 @@
-//! Which depth belongs to which image: by TUM associations, time, name or number.
+//! Pairing of depth with images: by TUM associations, time, name or number.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -10,19 +10,19 @@ use crate::cameras::TUM_TOLERANCE_S;
 use crate::names::{file_of, without_ending};
 use ostra_core::disk;
 
-/// Words in file names that say what an image holds, not which one it is.
+/// Words in file names that describe the content of an image, not its identity.
 const ROLE_WORDS: [&str; 5] = ["color", "colour", "rgb", "image", "depth"];
 
-/// Which depth belongs to which image: for each image the index of its depth.
+/// Pairs of images and depth: for each image the index of its depth.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Pairs {
-    /// One entry an image.
+    /// Index of the depth of each image.
     pub depth_of: Vec<Option<usize>>,
     used: Vec<bool>,
 }
 
 impl Pairs {
-    /// No pairs among so many images and depths.
+    /// Returns no pairs among `pictures` images and `depths` depth files.
     pub fn none(pictures: usize, depths: usize) -> Self {
         Self {
             depth_of: vec![None; pictures],
@@ -30,12 +30,12 @@ impl Pairs {
         }
     }
 
-    /// How many images have a depth.
+    /// Returns the number of images with depth.
     pub fn count(&self) -> usize {
         self.depth_of.iter().flatten().count()
     }
 
-    /// Pairs the two unless one of them has a partner.
+    /// Pairs the two unless one of them already has a partner.
     pub fn join(&mut self, picture: usize, depth: usize) {
         if self.depth_of[picture].is_none() && !self.used[depth] {
             self.depth_of[picture] = Some(depth);
@@ -43,7 +43,7 @@ impl Pairs {
         }
     }
 
-    /// Pairs what has the same key, where only one image and one depth have it.
+    /// Pairs images and depth with the same key, if only one image and one depth have it.
     fn join_by_key(
         &mut self,
         pictures: &[&str],
@@ -59,8 +59,9 @@ impl Pairs {
     }
 }
 
-/// Adds pairs by name: first by the path without its ending, then without the words that distinguish colour from depth,
-/// then by the number in the file name.
+/// Adds pairs by name: without extension, then without role words, then by the number.
+///
+/// Role words distinguish colour from depth.
 fn pair_by_name(pairs: &mut Pairs, pictures: &[&str], depths: &[&str]) {
     pairs.join_by_key(pictures, depths, |name| Some(without_ending(name).into()));
     pairs.join_by_key(pictures, depths, |name| {
@@ -86,7 +87,7 @@ fn pair_by_name(pairs: &mut Pairs, pictures: &[&str], depths: &[&str]) {
     pairs.join_by_key(pictures, depths, |name| number_in_file_name(name, position));
 }
 
-/// Which number of a file name counts.
+/// Position of the number of a file name that counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Position {
     First,
@@ -113,7 +114,7 @@ fn folder_of(name: &str) -> &str {
     name.rfind('/').map_or("", |slash| &name[..slash])
 }
 
-/// Whether a word of the file name is `depth`.
+/// Returns whether a word of the file name is `depth`.
 pub(super) fn says_depth(name: &str) -> bool {
     words_of(without_ending(name)).any(|word| word.eq_ignore_ascii_case("depth"))
 }
@@ -122,7 +123,7 @@ fn words_of(name: &str) -> impl Iterator<Item = &str> {
     file_of(name).split(['.', '_', '-'])
 }
 
-/// The name without the words that distinguish colour from depth, e.g. `frame-7.color` → `frame-7`.
+/// Returns the name without role words, e.g. `frame-7` for `frame-7.color`.
 pub(super) fn without_role(name: &str) -> String {
     let is_role = |word: &&str| {
         ROLE_WORDS
@@ -133,7 +134,7 @@ pub(super) fn without_role(name: &str) -> String {
     format!("{}/{}", folder_of(name), words.join("-"))
 }
 
-/// A number of the file name without leading zeros, as text, so that it can have any length.
+/// Returns a number of the file name without leading zeros, as text to allow any length.
 fn number_in_file_name(name: &str, position: Position) -> Option<String> {
     let stem = file_of(without_ending(name));
     let mut runs = stem
@@ -151,8 +152,10 @@ fn number_in_file_name(name: &str, position: Position) -> Option<String> {
     })
 }
 
-/// Decides which depth belongs to which image: by `associations.txt` at `places` or above them, by the times that
-/// names are, or by name and number.
+/// Pairs depth with images.
+///
+/// It uses `associations.txt` in `places` or above them, else the times in names, else name and
+/// number.
 pub(super) fn pair(
     pictures: &[Listed],
     depths: &[Listed],
@@ -185,7 +188,7 @@ pub(super) fn pair(
     Ok(pairs)
 }
 
-/// Puts the paired depths into the images they belong to.
+/// Returns the items with their paired depth.
 pub(super) fn with_depth(items: Vec<Item>, depths: &[Listed], pairs: &Pairs) -> Vec<Item> {
     let one = |(item, depth): (Item, &Option<usize>)| Item {
         depth: depth.map(|at| depths[at].path.clone()),
@@ -194,7 +197,7 @@ pub(super) fn with_depth(items: Vec<Item>, depths: &[Listed], pairs: &Pairs) -> 
     items.into_iter().zip(&pairs.depth_of).map(one).collect()
 }
 
-/// TUM recordings, whose names are times, have their own depth unit.
+/// Returns a warning for TUM recordings, whose names are times and which have their own depth unit.
 pub(super) fn warn_of_tum_unit(pictures: &[Listed], depth_unit: f64) -> Option<String> {
     let usual = depth_unit.to_bits() == OpenRequest::default().depth_unit.to_bits();
     (usual && times_of(&names(pictures)).is_some()).then(|| {
@@ -208,8 +211,9 @@ fn names(listed: &[Listed]) -> Vec<&str> {
     listed.iter().map(|file| file.name.as_str()).collect()
 }
 
-/// Adds the pairs that `associations.txt` lists (`time path time path` a line, colour or depth first), looked for in
-/// `folders` in order. Returns the file where there is one.
+/// Adds the pairs of the first `associations.txt` in `folders`; returns the file if there is one.
+///
+/// Its lines are `time path time path`, colour or depth first.
 fn pair_by_associations(
     pairs: &mut Pairs,
     folders: &[&Path],
@@ -240,7 +244,9 @@ fn pair_by_associations(
     Ok(Some(path))
 }
 
-/// Adds pairs of nearest times, at most 0.02 s apart, where every name is a time in seconds. Returns whether they are.
+/// Adds pairs of nearest times, at most 0.02 s apart.
+///
+/// Returns whether all names are times in seconds; otherwise nothing is paired.
 fn pair_by_time(pairs: &mut Pairs, pictures: &[&str], depths: &[&str]) -> bool {
     let (Some(pictures), Some(depths)) = (times_of(pictures), times_of(depths)) else {
         return false;
@@ -262,7 +268,7 @@ fn pair_by_time(pairs: &mut Pairs, pictures: &[&str], depths: &[&str]) -> bool {
     true
 }
 
-/// The times that file names are, where all of them are decimal numbers of seconds.
+/// Returns the times in file names if all of them are decimal numbers of seconds.
 fn times_of(names: &[&str]) -> Option<Vec<f64>> {
     let time_of = |name: &&str| {
         let stem = without_ending(name);
@@ -276,7 +282,7 @@ fn times_of(names: &[&str]) -> Option<Vec<f64>> {
     names.iter().map(time_of).collect()
 }
 
-/// Listed files, found by the end of their path.
+/// Listed files by the end of their path.
 struct ByFileName<'a> {
     files: BTreeMap<&'a std::ffi::OsStr, Vec<(usize, &'a Path)>>,
 }
@@ -314,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn by_name_without_ending() {
+    fn pairs_by_name_without_extension() {
         assert_eq!(
             pair(&["a/x.jpg", "a/y.jpg", "b/x.jpg"], &["a/x.png", "b/x.png"]),
             [Some(0), None, Some(1)]
@@ -322,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn by_name_without_the_words_color_and_depth() {
+    fn pairs_by_name_without_the_words_color_and_depth() {
         let pictures = ["frame-000000.color.png", "frame-000001.color.png"];
         assert_eq!(
             pair(
@@ -334,7 +340,7 @@ mod tests {
     }
 
     #[test]
-    fn by_number_with_other_padding() {
+    fn pairs_by_number_with_other_padding() {
         assert_eq!(
             pair(&["9.jpg", "10.jpg", "11.jpg"], &["d009.png", "d010.png"]),
             [Some(0), Some(1), None]
@@ -346,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn by_the_first_number_where_a_time_follows() {
+    fn pairs_by_the_first_number_if_a_time_follows() {
         let depths = ["0000001-000000000040.png", "0000002-000000033407.png"];
         assert_eq!(
             pair(
@@ -358,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn an_ambiguous_number_pairs_nothing() {
+    fn ambiguous_number_pairs_nothing() {
         assert_eq!(
             pair(&["left_1.jpg", "right_1.jpg"], &["d1.png"]),
             [None, None]
@@ -380,7 +386,7 @@ mod tests {
     }
 
     #[test]
-    fn nearest_times_one_to_one() {
+    fn nearest_times_are_paired_one_to_one() {
         let pictures = ["10.000.png", "10.033.png", "11.0.png"];
         let depths = ["10.030.png", "10.012.png", "11.021.png"];
         let mut pairs = Pairs::none(3, 3);
@@ -393,7 +399,7 @@ mod tests {
     }
 
     #[test]
-    fn names_that_are_no_times_are_left_alone() {
+    fn names_that_are_not_times_are_not_paired() {
         let mut pairs = Pairs::none(2, 1);
         assert!(!pair_by_time(
             &mut pairs,
@@ -404,7 +410,7 @@ mod tests {
     }
 
     #[test]
-    fn associations_in_either_order() {
+    fn associations_are_read_in_either_order() {
         let folder = tempfile::tempdir().unwrap();
         let text = "# depth first\n1.0 depth/b.png 1.01 rgb/a.png\n2.0 rgb/c.png 2.0 depth/d.png\nbroken line\n";
         std::fs::write(folder.path().join("associations.txt"), text).unwrap();

@@ -15,12 +15,13 @@ pub struct OpenRequest {
     pub depth_unit: f64,
     /// World units (metres) per unit of a float depth value; > 0.
     pub float_depth_unit: f64,
-    /// The camera that measured the depths, if it differs from the images'. `None` = depth and image
-    /// correspond pixel for pixel.
+    /// Camera that measured the depth, if it differs from that of the images.
+    ///
+    /// `None` = depth and image correspond pixel for pixel.
     pub depth_camera: Option<DepthCameraSource>,
     /// Takes every `every`-th source frame; ≥ 1.
     pub every: usize,
-    /// Index of the first source frame to take, counted from 0 over all sources; `None` = start at 0.
+    /// Index of the first source frame to take, counted from 0 over all sources; `None` = 0.
     pub from: Option<usize>,
     /// Index of the last source frame that may be taken (inclusive); `None` = no limit.
     pub to: Option<usize>,
@@ -62,8 +63,8 @@ impl From<PathBuf> for FrameFolder {
 /// Frames in project order, with warnings for the user.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Opened {
-    /// Names are unique; sizes are as shown.
+    /// Frames with unique names; sizes are as shown.
     pub frames: Vec<Frame>,
-    /// One line each.
+    /// Warnings, one line each.
     pub warnings: Vec<String>,
 }

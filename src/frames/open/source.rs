@@ -1,4 +1,4 @@
-//! One source that the user names: its items, and the RGB-D recordings recognised in a folder.
+//! One source given by the user: its items, and the RGB-D recordings recognised in a folder.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -19,15 +19,15 @@ use ostra_core::job::Progress;
 /// The images of one source, in order.
 #[derive(Debug)]
 pub(super) struct Source {
-    /// The path whose last parts go before names when there are several sources.
+    /// Path whose last parts prefix names when there are several sources.
     pub place: PathBuf,
-    /// What the source is.
+    /// Kind of the source.
     pub kind: Kind,
-    /// At least one.
+    /// Images, at least one.
     pub items: Vec<Item>,
 }
 
-/// What a path given as frames can be.
+/// Kind of a path given as frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Folder,
@@ -35,7 +35,7 @@ pub(super) enum Kind {
     Film,
 }
 
-/// Inputs of listing other than the source, and its reports.
+/// Inputs of listing besides the source, and its reports.
 pub(super) struct Listing<'a> {
     pub sensor: &'a Sensor,
     pub progress: &'a Progress,
@@ -118,7 +118,7 @@ impl Listing<'_> {
         Ok(found.pictures)
     }
 
-    /// Gives images the depth the user named; that none fits is an error.
+    /// Pairs images with the depth given by the user; it is an error if none matches.
     fn paired(
         &mut self,
         items: Vec<Item>,
@@ -156,7 +156,7 @@ fn film_items(film: &Path, probed: &Probed) -> Vec<Item> {
     (0..).zip(&probed.times_s).map(item).collect()
 }
 
-/// What names of a source's frames begin with: for a video its name without the ending.
+/// Returns the prefix of names of a source's frames: for a video its name without extension.
 pub(super) fn stem(source: &Source) -> PathBuf {
     match (source.kind, source.place.to_str()) {
         (Kind::Film, Some(place)) => without_ending(place).into(),
@@ -171,7 +171,7 @@ fn kind_of(place: &Path) -> Result<Kind, FrameError> {
     if has_picture_ending(place) {
         return Ok(Kind::Picture);
     }
-    // By the content where that is clear. Raw files of cameras begin like TIFF.
+    // The content decides if it is clear. Raw files of cameras begin like TIFF.
     match (kind_of_file(place)?, unsupported_image(place)) {
         (FileKind::Image, _) | (FileKind::Tiff, None) => Ok(Kind::Picture),
         (_, Some(error)) | (FileKind::Heif(error), None) => Err(error),
@@ -179,7 +179,7 @@ fn kind_of(place: &Path) -> Result<Kind, FrameError> {
     }
 }
 
-/// The absolute path of what the user named, with its own last name kept even where that is a link.
+/// Returns the absolute path of a source, keeping its own last name even if that is a link.
 fn located(given: &Path) -> Result<PathBuf, FrameError> {
     if !given.exists() {
         return Err(FrameError::NotFound(format!(
@@ -204,14 +204,16 @@ fn one_file(path: &Path) -> Listed {
     }
 }
 
-/// Names of folders that hold the colour images of an RGB-D recording, the likeliest first.
+/// Folder names of the colour images of an RGB-D recording, most likely first.
 const COLOR_FOLDERS: [&str; 5] = ["color", "colour", "rgb", "image", "images"];
 
-/// Names of folders that hold its depth images.
+/// Folder names of its depth images.
 const DEPTH_FOLDERS: [&str; 2] = ["depth", "depths"];
 
-/// One RGB-D recording among the listed images: a folder with a folder of colour and one of depth, or the rest,
-/// distinguished by file names.
+/// One RGB-D recording among the listed images.
+///
+/// It is a folder with one folder of colour and one of depth, or the remaining files, distinguished
+/// by file names.
 #[derive(Debug, Default)]
 struct Recording {
     place: PathBuf,
@@ -220,8 +222,10 @@ struct Recording {
     left_out: usize,
 }
 
-/// Finds the RGB-D recordings in a folder given without depth (`color/` next to `depth/`, or `*.color.png` next to
-/// `*.depth.png`), so that depth is never taken for images, and says so in a warning.
+/// Finds the RGB-D recordings in a folder given without depth, and adds a warning.
+///
+/// Colour and depth are in `color/` and `depth/`, or in `*.color.png` and `*.depth.png`. This
+/// prevents depth from being used as images.
 fn recognise(
     place: &Path,
     listed: Vec<Listed>,
@@ -235,7 +239,9 @@ fn recognise(
     Ok(items)
 }
 
-/// Splits images into colour and depth by words in file names. All are colour unless a depth name fits a colour name.
+/// Splits images into colour and depth by words in file names.
+///
+/// All are colour unless a depth name matches a colour name.
 fn split_by_name(listed: Vec<Listed>) -> (Vec<Listed>, Vec<Listed>) {
     let (depths, pictures): (Vec<_>, Vec<_>) =
         listed.into_iter().partition(|file| says_depth(&file.name));
@@ -249,7 +255,9 @@ fn split_by_name(listed: Vec<Listed>) -> (Vec<Listed>, Vec<Listed>) {
     (all, Vec::new())
 }
 
-/// The images that belong to a depth folder among them: those of the colour folder next to it, if there is one.
+/// Returns the images that belong to a depth folder among them.
+///
+/// These are the images of the colour folder next to it, if there is one.
 fn beside_depth(mut pictures: Vec<Listed>, depth: &Path) -> Vec<Listed> {
     pictures.retain(|picture| !picture.path.starts_with(depth));
     let beside = COLOR_FOLDERS.iter().map(|name| depth.with_file_name(name));
@@ -302,7 +310,9 @@ fn recordings(place: &Path, listed: Vec<Listed>) -> Vec<Recording> {
     found.into_values().chain([rest]).collect()
 }
 
-/// Folders that have a folder of colour and one of depth: folder → (colour, depth), all below the source.
+/// Returns the folders with a folder of colour and one of depth, as folder → (colour, depth).
+///
+/// All paths are below the source.
 fn role_folders(listed: &[Listed]) -> BTreeMap<String, (String, String)> {
     let mut children = BTreeMap::<&str, BTreeSet<&str>>::new();
     for file in listed {
@@ -384,7 +394,7 @@ impl Recording {
     }
 }
 
-/// Why depth that was not requested cannot be used, judged by the first pair.
+/// Returns why depth that was not requested cannot be used, judged by the first pair.
 fn why_unfit(items: &[Item], sensor: &Sensor) -> Option<String> {
     let Some((picture, depth)) = items.iter().find_map(Item::files_with_depth) else {
         return Some("no depth picture fits a colour picture by name, number or time".into());

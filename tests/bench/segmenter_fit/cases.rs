@@ -1,3 +1,5 @@
+//! The images with ground truth that the bench plays.
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -12,11 +14,11 @@ pub struct Case {
     image: PathBuf,
     depth: Option<PathBuf>,
     truth: PathBuf,
-    /// The only object played; `None` = all.
+    /// The only object to play; `None` for all.
     alone: Option<u8>,
-    /// Whether the truth tells object from rest only.
+    /// Whether the ground truth only distinguishes object and background.
     is_binary: bool,
-    /// Most clicks per object.
+    /// Maximum number of clicks per object.
     pub clicks: usize,
     /// Whether the simulated user plays it for the report.
     pub is_shown: bool,
@@ -36,7 +38,7 @@ fn name_of(path: &Path) -> String {
     path.file_stem().unwrap().to_string_lossy().to_string()
 }
 
-/// First, middle, last and every twelfth picture of each clip of DAVIS 2016.
+/// Returns the first, middle, last and every twelfth image of each clip of DAVIS 2016.
 pub fn davis(root: &Path) -> Vec<Case> {
     let mut cases = Vec::new();
     for clip in sorted(&root.join("JPEGImages")) {
@@ -64,7 +66,7 @@ pub fn davis(root: &Path) -> Vec<Case> {
     cases
 }
 
-/// Every folder of pictures with depth and labels in `root`.
+/// Returns the cases of every folder of images with depth and labels in `root`.
 pub fn recordings(root: &Path) -> Vec<Case> {
     sorted(root)
         .iter()
@@ -72,7 +74,7 @@ pub fn recordings(root: &Path) -> Vec<Case> {
         .collect()
 }
 
-/// Each `every`-th picture with depth and labels of one folder.
+/// Returns every `every`-th image with depth and labels of one folder.
 pub fn recording(root: &Path, clip: &str, every: usize) -> Vec<Case> {
     let mut cases = Vec::new();
     for picture in sorted(&root.join("color")).iter().step_by(every) {
@@ -97,7 +99,7 @@ pub fn recording(root: &Path, clip: &str, every: usize) -> Vec<Case> {
     cases
 }
 
-/// Objects of some size in a truth.
+/// Returns the objects of at least `LEAST_PX` pixels in the ground truth.
 fn values(truth: &Path) -> Vec<u8> {
     const LEAST_PX: usize = 150;
     let mut counts = [0usize; 256];
@@ -116,7 +118,7 @@ impl Case {
         self.depth.is_some()
     }
 
-    /// The prepared frame and its truth.
+    /// Returns the prepared frame and its ground truth.
     pub fn load(&self) -> (RankedFrame, LabelMask) {
         let image = image::open(&self.image).unwrap().to_rgb8();
         let (width, height) = image.dimensions();

@@ -1,3 +1,5 @@
+//! Fits ranking weights to recorded clicks.
+
 use rayon::prelude::*;
 
 use ostra_masks::graph_cut::ranking::{Kind, TERMS, Weights};
@@ -5,10 +7,12 @@ use ostra_masks::graph_cut::ranking::{Kind, TERMS, Weights};
 use crate::KINDS;
 use crate::play::Sample;
 
-/// Weights fitted to the samples, those of one clip left out; kinds without samples keep `weights`.
+/// Returns weights fitted to the samples without those of one clip.
+///
+/// Kinds without samples keep `weights`.
 pub fn fitted(samples: &[Sample], without: Option<&str>, weights: &Weights) -> Weights {
     KINDS.map(|kind| {
-        // Clicks without depth say something about those with depth too.
+        // Clicks without depth also inform the weights of those with depth.
         let importance = |other: Kind| match other {
             _ if other == kind => 1.0,
             _ if other as usize + 3 == kind as usize => 0.15,
@@ -28,7 +32,9 @@ pub fn fitted(samples: &[Sample], without: Option<&str>, weights: &Weights) -> W
     })
 }
 
-/// Raises the expected gain of a candidate drawn by softmax of its score, by gradient (Adam).
+/// Returns weights that maximise the expected gain of a candidate, by gradient ascent (Adam).
+///
+/// Candidates are drawn by the softmax of their scores.
 fn ascend(samples: &[(&Sample, f64)]) -> [f32; TERMS] {
     const ROUNDS: i32 = 250;
     const DECAY: f64 = 2e-3;

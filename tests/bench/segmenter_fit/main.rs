@@ -1,13 +1,20 @@
-//! Fits the weights by which the built-in segmenter ranks the candidates of a click (`src/masks/graph_cut/ranking.rs`) on
-//! images with ground truth, and plays the simulated user with weights that were fitted without the clip played.
+//! Fits the weights by which the built-in segmenter ranks the candidates of a click.
 //!
-//! `cargo bench --bench segmenter_fit` takes three images of the shelf; `… -- all` takes all, minutes of work.
+//! The weights are those of `src/masks/graph_cut/ranking.rs`, fitted on images with ground truth.
+//! The simulated user then plays each clip with weights fitted without that clip.
 //!
-//! Images with depth and several objects (`color/`, `depth/`, `labels/` with one value per object) are played as the
-//! session does it: one click for the object with the largest error, the others' clicks excluded. `OSTRA_MORE` names a
-//! folder of further such folders; those of a name with `alone` in it are played object by object. `OSTRA_ONLY` takes the
-//! clips alone whose names begin so (several with commas), `OSTRA_ROUNDS` fits more than once, each time on clicks chosen by
-//! the weights before.
+//! `cargo bench --bench segmenter_fit` uses three images of the shelf; `… -- all` uses all and
+//! takes minutes.
+//!
+//! Images with depth and several objects (`color/`, `depth/`, `labels/` with one value per object)
+//! are played as a session does it: one click for the object with the largest error, with the
+//! others' clicks excluded.
+//!
+//! - `OSTRA_MORE` names a folder of further such folders; those with `alone` in their name are
+//!   played object by object.
+//! - `OSTRA_ONLY` limits the clips to those whose names start with one of its comma-separated
+//!   values.
+//! - `OSTRA_ROUNDS` repeats the fit, each time on clicks chosen by the weights before.
 
 #![expect(
     clippy::print_stdout,

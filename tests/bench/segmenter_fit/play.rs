@@ -1,3 +1,5 @@
+//! Plays the simulated user on a case and records its clicks.
+
 use std::collections::BTreeMap;
 
 use ostra_eval::simulated_click::next_label_click;
@@ -7,7 +9,7 @@ use ostra_masks::{Click, LabelId, LabelMask, Region};
 
 use crate::cases::Case;
 
-/// One click met while playing: what each candidate would gain in mean IoU.
+/// A click of a game: the gain in mean IoU of each candidate.
 pub struct Sample {
     pub clip: String,
     pub kind: Kind,
@@ -16,17 +18,17 @@ pub struct Sample {
     pub shared: Vec<Vec<f32>>,
 }
 
-/// What chooses among the candidates of a click by them and their gains.
+/// Chooses among the candidates of a click by their features and gains.
 pub type Choose<'a> = dyn FnMut(&ClickCandidates, &[f32]) -> usize + 'a;
 
-/// Mean IoU over the objects after each round of one click per object.
+/// Returns the mean IoU over the objects after each round of one click per object.
 pub fn play(case: &Case, choose: &mut Choose<'_>) -> Vec<f32> {
     let (frame, truth) = case.load();
     let mut game = Game::new(&frame, &truth);
     let most = case.clicks * game.objects.len();
     let mut means = Vec::new();
     for given in 0..most {
-        // One click for each object first, then always into the largest error.
+        // Each object gets one click first; all further clicks go into the largest error.
         let left: Vec<LabelId> = game
             .objects
             .iter()
@@ -53,7 +55,7 @@ pub fn play(case: &Case, choose: &mut Choose<'_>) -> Vec<f32> {
     means
 }
 
-/// Plays with the weights so far, now and then taking another candidate, and notes every click.
+/// Plays with the current weights, sometimes with another candidate, and records every click.
 pub fn explore(case: &Case, weights: &Weights, seed: u64) -> Vec<Sample> {
     let mut samples = Vec::new();
     let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
@@ -77,14 +79,14 @@ pub fn explore(case: &Case, weights: &Weights, seed: u64) -> Vec<Sample> {
     samples
 }
 
-/// The candidate with the largest gain.
+/// Returns the candidate with the largest gain.
 pub fn oracle(gains: &[f32]) -> usize {
     (0..gains.len())
         .max_by(|&a, &b| gains[a].total_cmp(&gains[b]))
         .unwrap()
 }
 
-/// A frame being labelled.
+/// A frame that is being labelled.
 struct Game<'a> {
     frame: &'a RankedFrame,
     truth: &'a LabelMask,
@@ -116,7 +118,9 @@ impl<'a> Game<'a> {
         self.clicks.get(&label).map_or(0, Vec::len)
     }
 
-    /// Answers a click as the session does: the label clicked into gives way, the others keep what they have.
+    /// Applies a click as the session does.
+    ///
+    /// The label under the click gives way; the others keep their pixels.
     fn answer(&mut self, label: LabelId, click: Click, choose: &mut Choose<'_>) {
         let at = click.pixel_in(self.mask.width, self.mask.height).unwrap();
         let contested = if click.include {
@@ -162,7 +166,7 @@ impl<'a> Game<'a> {
         }
     }
 
-    /// What each candidate gains in mean IoU, by counts per region.
+    /// Returns the gain in mean IoU of each candidate, by counts per region.
     fn gains(
         &self,
         found: &ClickCandidates,
@@ -176,7 +180,7 @@ impl<'a> Game<'a> {
         };
         let to = if include { label } else { LabelId::NONE };
         let mut counts = Counts::new();
-        // (truth, current) pairs that would change, per region.
+        // Number of (truth, current) pairs that would change, per region.
         let mut movable: Vec<BTreeMap<(LabelId, LabelId), f32>> =
             vec![BTreeMap::new(); self.frame.region_count()];
         for ((&region, &truth), &current) in self
@@ -222,7 +226,7 @@ impl<'a> Game<'a> {
     }
 }
 
-/// Pixels per (truth, current) pair.
+/// Number of pixels per (truth, current) pair.
 type Counts = BTreeMap<(LabelId, LabelId), f32>;
 
 fn mean_iou(counts: &Counts, objects: &[LabelId]) -> f32 {

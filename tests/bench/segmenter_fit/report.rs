@@ -1,3 +1,5 @@
+//! Prints gains and scores of fitted and held-out weights.
+
 use rayon::prelude::*;
 
 use ostra_masks::graph_cut::ranking::{Weights, best, expected_best};
@@ -7,7 +9,7 @@ use crate::cases::Case;
 use crate::fit::fitted;
 use crate::play::{Sample, oracle, play};
 
-/// Weights fitted without each clip.
+/// Returns the weights fitted without each clip.
 fn held_out(samples: &[Sample], weights: &Weights) -> Vec<(String, Weights)> {
     let mut clips: Vec<&str> = samples.iter().map(|sample| &*sample.clip).collect();
     clips.sort_unstable();
@@ -22,7 +24,7 @@ fn without<'a>(held_out: &'a [(String, Weights)], clip: &str) -> &'a Weights {
     &held_out.iter().find(|(held, _)| *held == clip).unwrap().1
 }
 
-/// Mean gain of a click when chosen by weights.
+/// Returns the mean gain of a click chosen by the weights.
 pub fn mean_gain(samples: &[Sample], weights: &Weights) -> f32 {
     let gain = |sample: &Sample| {
         let row = &weights[sample.kind as usize];
@@ -42,7 +44,9 @@ pub fn mean_gain(samples: &[Sample], weights: &Weights) -> f32 {
     samples.iter().map(gain).sum::<f32>() / samples.len() as f32
 }
 
-/// Mean gain of a click when chosen by truth, by weights fitted without its clip, by weights fitted on all.
+/// Prints the mean gain of a click chosen by ground truth, held-out weights, and fitted weights.
+///
+/// Held-out weights are fitted without the click's clip.
 pub fn gains(samples: &[Sample], weights: &Weights) {
     let held_out = held_out(samples, weights);
     for kind in KINDS {
@@ -81,7 +85,10 @@ pub fn gains(samples: &[Sample], weights: &Weights) {
     }
 }
 
-/// The simulated user at every shown case: choosing by truth, by weights fitted without the clip, by weights fitted on all.
+/// Plays the simulated user on every shown case.
+///
+/// Candidates are chosen by ground truth, by weights fitted without the clip, and by weights fitted
+/// on all.
 pub fn plays(cases: &[Case], samples: &[Sample], weights: &Weights) {
     let held_out = held_out(samples, weights);
     let shown: Vec<&Case> = cases.iter().filter(|case| case.is_shown).collect();

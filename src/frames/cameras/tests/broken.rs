@@ -5,14 +5,14 @@ use super::{frames, write};
 use crate::Frame;
 use crate::cameras::{CameraKey, GivenCameras, attach_intrinsics, read_sparse_points};
 
-/// The one-line error of reading `path`.
+/// Returns the one-line error of reading `path`.
 fn error_of(path: &Path) -> String {
     let error = GivenCameras::read(path).unwrap_err().to_string();
     assert!(!error.contains('\n'), "{error}");
     error
 }
 
-/// The error of reading a single file of this name and content.
+/// Returns the error of reading a single file of this name and content.
 fn error_in(name: &str, content: impl AsRef<[u8]>) -> String {
     let folder = tempfile::tempdir().unwrap();
     write(folder.path(), name, content);
@@ -29,7 +29,7 @@ fn colmap_error(cameras: &str, images: &str) -> String {
 }
 
 #[test]
-fn every_cut_of_a_binary_model_is_an_error() {
+fn every_truncation_of_a_binary_model_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let [cameras, images, points] = binary_model();
     let store = |cameras: &[u8], images: &[u8], points: &[u8]| {
@@ -64,7 +64,7 @@ fn every_cut_of_a_binary_model_is_an_error() {
 }
 
 #[test]
-fn huge_counts_and_unknown_models_in_binary_files() {
+fn huge_counts_and_unknown_models_in_binary_files_are_errors() {
     let folder = tempfile::tempdir().unwrap();
     let [mut cameras, mut images, _] = binary_model();
     write(folder.path(), "cameras.bin", &cameras);
@@ -96,7 +96,7 @@ fn huge_counts_and_unknown_models_in_binary_files() {
 }
 
 #[test]
-fn broken_colmap_text() {
+fn broken_colmap_text_is_an_error() {
     let image = "1 1 0 0 0 0 0 0 1 a.png\n\n";
     for (cameras, images, expected) in [
         ("1 FOV 640 480 500 500 320 240 0.1\n", image, "FOV"),
@@ -139,7 +139,7 @@ fn broken_colmap_text() {
 }
 
 #[test]
-fn broken_files_of_other_formats() {
+fn broken_files_of_other_formats_are_errors() {
     for (name, content, expected) in [
         ("transforms.json", "{\"frames\": [", "transforms.json"),
         ("transforms.json", "{}", "frames"),
@@ -187,7 +187,7 @@ fn broken_files_of_other_formats() {
 }
 
 #[test]
-fn unused_cameras_of_other_models_do_no_harm() {
+fn unused_cameras_of_unsupported_models_are_ignored() {
     let folder = tempfile::tempdir().unwrap();
     write(
         folder.path(),
@@ -226,7 +226,7 @@ fn unused_cameras_of_other_models_do_no_harm() {
 }
 
 #[test]
-fn numbers_in_json_may_be_strings_or_what_python_writes() {
+fn json_numbers_may_be_strings_or_python_spellings() {
     let folder = tempfile::tempdir().unwrap();
     let json = r#"{"fl_x": "500", "k1": 0, "frames": [
         {"file_path": "a \"NaN.png", "transform_matrix": [[NaN, 0, 0, 0], [0, 1, 0, Infinity], [0, 0, 1, -Infinity], [0, 0, 0, 1]]},
@@ -262,7 +262,7 @@ fn numbers_in_json_may_be_strings_or_what_python_writes() {
 }
 
 #[test]
-fn frames_of_transforms_without_a_usable_pose_or_lens_do_not_refuse_the_others() {
+fn transforms_frames_without_usable_pose_or_lens_do_not_discard_the_others() {
     let folder = tempfile::tempdir().unwrap();
     let frame = |name: &str, value: &str, more: &str| {
         format!(
@@ -319,7 +319,7 @@ fn frames_of_transforms_without_a_usable_pose_or_lens_do_not_refuse_the_others()
 }
 
 #[test]
-fn damaged_pose_files_and_those_of_macos_do_not_refuse_the_others() {
+fn damaged_and_macos_pose_files_do_not_discard_the_others() {
     let folder = tempfile::tempdir().unwrap();
     let matrix = |x: &str| format!("1 0 0 {x}\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
     write(folder.path(), "._000000.txt", [0, 5, 22, 7, 0xff, 0xfe]);
@@ -387,7 +387,7 @@ fn sparse_binary_files_are_refused_without_reading_them() {
 }
 
 #[test]
-fn a_lost_frame_keeps_the_numbers_of_the_others() {
+fn lost_frame_keeps_the_numbers_of_the_others() {
     let folder = tempfile::tempdir().unwrap();
     let matrix = |x: &str| format!("1 0 0 {x}\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
     let zeros = "0 0 0 0\n".repeat(4);
@@ -425,7 +425,7 @@ fn a_lost_frame_keeps_the_numbers_of_the_others() {
 }
 
 #[test]
-fn broken_folders() {
+fn broken_folders_are_errors() {
     let folder = tempfile::tempdir().unwrap();
     assert!(error_of(&folder.path().join("missing")).contains("cannot be read"));
     assert!(error_of(folder.path()).contains("holds no cameras"));

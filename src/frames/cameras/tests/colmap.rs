@@ -32,7 +32,7 @@ fn models() -> [Distortion; 6] {
     ]
 }
 
-/// One frame per model and orientation, each with a camera.
+/// Returns one frame per model and orientation, each with a camera.
 fn with_cameras() -> Vec<Frame> {
     let mut all = Vec::new();
     for (i, distortion) in models().into_iter().enumerate() {
@@ -50,7 +50,7 @@ fn with_cameras() -> Vec<Frame> {
     all
 }
 
-/// Two points; the first frames see them.
+/// Returns two points that the first frames see.
 fn sparse() -> SparsePoints {
     let points = vec![
         SparsePoint {
@@ -86,7 +86,7 @@ fn sparse() -> SparsePoints {
 }
 
 #[test]
-fn what_is_written_is_read_again() {
+fn written_model_is_read_back() {
     for encoding in [ModelEncoding::Text, ModelEncoding::Binary] {
         let folder = tempfile::tempdir().unwrap();
         let mut expected = with_cameras();
@@ -125,7 +125,7 @@ fn what_is_written_is_read_again() {
 }
 
 #[test]
-fn keypoints_are_read_again_where_they_are_shown() {
+fn keypoints_are_read_back_in_the_shown_image() {
     let folder = tempfile::tempdir().unwrap();
     let frames = with_cameras();
     write_colmap_model(folder.path(), &frames, &sparse(), ModelEncoding::Text).unwrap();
@@ -140,7 +140,7 @@ fn keypoints_are_read_again_where_they_are_shown() {
         text.contains("\n2 4 5 6 0 0 0 -1 1 0 2 0 3 0 4 0\n"),
         "{text}"
     );
-    // The third frame is shown turned clockwise: stored (x, y) = (y shown, h stored − x shown).
+    // The third frame is shown rotated clockwise: stored (x, y) = (y shown, h stored − x shown).
     let images = std::fs::read_to_string(folder.path().join("images.txt")).unwrap();
     assert!(
         images.lines().nth(6).unwrap().starts_with("20.5 627.75 2 "),
@@ -150,7 +150,7 @@ fn keypoints_are_read_again_where_they_are_shown() {
 
 proptest! {
     #[test]
-    fn upright_cameras_come_back_bit_for_bit(
+    fn upright_cameras_are_read_back_bit_for_bit(
         f in 1.0..1e4f64, c in -1e3..1e4f64, t in -1e6..1e6f64, q in prop::array::uniform4(-1.0..1.0f64),
     ) {
         let rotation = glam::DQuat::from_array(q);
@@ -168,7 +168,7 @@ proptest! {
 }
 
 #[test]
-fn equal_cameras_are_written_once_and_frames_without_pose_left_out() {
+fn equal_cameras_are_written_once_and_frames_without_pose_are_skipped() {
     let folder = tempfile::tempdir().unwrap();
     let mut all = frames(&["0.png", "1.png", "2.png"]);
     let intrinsics = Camera::pinhole(640, 480, 500.0, 500.0, 320.0, 240.0);
@@ -190,7 +190,7 @@ fn equal_cameras_are_written_once_and_frames_without_pose_left_out() {
     assert!(text("images.txt").contains(" 1 1.png\n") && !text("images.txt").contains("2.png"));
 }
 
-/// A binary model of one SIMPLE_RADIAL camera and one image with one 2-D point.
+/// Returns a binary model of one SIMPLE_RADIAL camera and one image with one 2-D point.
 pub(super) fn binary_model() -> [Vec<u8>; 3] {
     let mut cameras = 1u64.to_le_bytes().to_vec();
     cameras.extend(7u32.to_le_bytes());
@@ -227,7 +227,7 @@ pub(super) fn binary_model() -> [Vec<u8>; 3] {
 }
 
 #[test]
-fn a_binary_model_is_read() {
+fn binary_model_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let [cameras, images, points] = binary_model();
     write(folder.path(), "sparse/cameras.bin", cameras);
@@ -260,7 +260,7 @@ fn a_binary_model_is_read() {
 }
 
 #[test]
-fn a_text_model_may_hold_points_comments_and_names_with_spaces() {
+fn text_model_may_have_points_comments_and_names_with_spaces() {
     let folder = tempfile::tempdir().unwrap();
     write(
         folder.path(),

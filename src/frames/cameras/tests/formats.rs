@@ -9,7 +9,7 @@ use ostra_geometry::{Camera, Distortion, Pose};
 
 const INTRINSICS: [f64; 4] = [500.0, 510.0, 320.0, 240.0];
 
-/// The cameras in `path` on frames that have intrinsics already.
+/// Returns the cameras in `path`, matched to frames that already have intrinsics.
 fn matched(path: &Path, names: &[&str]) -> Vec<FrameCamera> {
     let mut all = frames(names);
     attach_intrinsics(&mut all, &INTRINSICS.into()).unwrap();
@@ -69,7 +69,7 @@ fn logs_are_matched_by_number_or_order() {
     };
     let path = folder.path().join("trajectory.log");
     std::fs::write(&path, log(&[0, 1, 2])).unwrap();
-    // Tanks and Temples count images from 1, the log from 0.
+    // Tanks and Temples counts images from 1, the log from 0.
     assert_poses(
         &matched(&path, &["000001.jpg", "000002.jpg", "000003.jpg"]),
         &[pose(0), pose(1), pose(2)],
@@ -120,7 +120,7 @@ fn camera_matrix() -> DMat3 {
 }
 
 #[test]
-fn middlebury_pixels_have_their_centres_at_whole_numbers() {
+fn middlebury_pixel_centres_are_at_whole_numbers() {
     let folder = tempfile::tempdir().unwrap();
     let numbers = |m: DMat3| {
         m.transpose()
@@ -147,7 +147,7 @@ fn middlebury_pixels_have_their_centres_at_whole_numbers() {
     );
 }
 
-/// Rows of `scale · K [R t]`.
+/// Returns the rows of `scale · K [R t]` as text.
 fn projection_text(pose: &Pose, scale: f64) -> String {
     let left = scale * (camera_matrix() * DMat3::from_quat(pose.rotation));
     let right = scale * (camera_matrix() * pose.translation);
@@ -164,7 +164,7 @@ fn projection_text(pose: &Pose, scale: f64) -> String {
 }
 
 #[test]
-fn dtu_projections_are_taken_apart() {
+fn dtu_projections_are_decomposed() {
     let folder = tempfile::tempdir().unwrap();
     for i in 1..=3 {
         let scale = if i == 2 { -0.37 } else { 24.0 };
@@ -196,7 +196,7 @@ fn dtu_projections_are_taken_apart() {
     }
 }
 
-/// Camera-to-world with y up and the view along −z, as nested JSON.
+/// Returns a camera-to-world matrix with y up and the view along −z, as nested JSON.
 fn opengl_matrix(pose: &Pose) -> String {
     let flip = glam::DMat4::from_diagonal(glam::DVec4::new(1.0, -1.0, -1.0, 1.0));
     let rows = (pose.inverse().matrix() * flip)
@@ -206,7 +206,7 @@ fn opengl_matrix(pose: &Pose) -> String {
 }
 
 #[test]
-fn transforms_of_nerfstudio() {
+fn nerfstudio_transforms_are_read() {
     let folder = tempfile::tempdir().unwrap();
     let (a, b) = (opengl_matrix(&pose(1)), opengl_matrix(&pose(2)));
     let text = format!(
@@ -236,7 +236,7 @@ fn transforms_of_nerfstudio() {
 }
 
 #[test]
-fn transforms_with_an_angle_of_view_alone() {
+fn transforms_with_only_an_angle_of_view_are_read() {
     let folder = tempfile::tempdir().unwrap();
     let angle = 2.0 * 0.5f64.atan();
     let matrix = opengl_matrix(&pose(1));

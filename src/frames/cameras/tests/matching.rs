@@ -5,7 +5,7 @@ use crate::cameras::{CameraKey, GivenCamera, GivenCameras, GivenIntrinsics, atta
 use crate::{Frame, FrameCamera};
 use ostra_geometry::Camera;
 
-/// Cameras by name, distinguished by the x of their translation.
+/// Returns cameras by name, distinguished by the x of their translation.
 fn given(names: &[&str]) -> GivenCameras {
     let camera = |(i, name): (usize, &&str)| GivenCamera {
         key: CameraKey::Name((*name).into()),
@@ -25,7 +25,7 @@ fn x_of(frame: &Frame) -> Option<f64> {
     Some(frame.posed_camera()?.1.translation.x)
 }
 
-/// For each frame the number of its camera.
+/// Returns the number of each frame's camera.
 fn matched(cameras: &[&str], names: &[&str]) -> Vec<Option<usize>> {
     let mut all = frames(names);
     given(cameras).match_to(&mut all).unwrap();
@@ -35,7 +35,7 @@ fn matched(cameras: &[&str], names: &[&str]) -> Vec<Option<usize>> {
 }
 
 #[test]
-fn full_names_go_before_file_names() {
+fn full_names_take_precedence_over_file_names() {
     assert_eq!(
         matched(&["a/1.jpg", "b/1.jpg"], &["b/1.jpg", "a/1.jpg"]),
         [Some(1), Some(0)]
@@ -67,7 +67,7 @@ fn ambiguous_file_names_are_not_guessed() {
 }
 
 #[test]
-fn no_match_at_all_names_both_sides_and_changes_nothing() {
+fn missing_match_names_both_sides_and_changes_nothing() {
     let mut all = frames(&["x.png", "y.png"]);
     let error = given(&["a.png", "b.png"])
         .match_to(&mut all)
@@ -81,7 +81,7 @@ fn no_match_at_all_names_both_sides_and_changes_nothing() {
 }
 
 #[test]
-fn another_size_is_an_error_with_both_and_changes_nothing() {
+fn wrong_size_error_names_both_sizes_and_changes_nothing() {
     let mut cameras = given(&["a.png", "b.png"]);
     for camera in &mut cameras.cameras {
         camera.intrinsics.as_mut().unwrap().size = Some([640, 480]);
@@ -93,7 +93,7 @@ fn another_size_is_an_error_with_both_and_changes_nothing() {
         "{error}"
     );
     assert!(all.iter().all(|frame| frame.camera.is_none()));
-    // An image shown upright has the size of the stored one swapped.
+    // An image shown upright has the swapped size of the stored one.
     assert!(cameras.match_to(&mut [frame("a.png", 480, 640, 6)]).is_ok());
     assert!(
         cameras
@@ -103,7 +103,7 @@ fn another_size_is_an_error_with_both_and_changes_nothing() {
 }
 
 #[test]
-fn a_turned_picture_has_its_camera_turned() {
+fn camera_is_rotated_with_its_image() {
     let mut all = vec![frame("a.png", 640, 480, 1), frame("b.png", 480, 640, 6)];
     let mut cameras = given(&["a.png", "b.png"]);
     cameras.cameras[1] = GivenCamera {
@@ -121,7 +121,7 @@ fn a_turned_picture_has_its_camera_turned() {
 }
 
 #[test]
-fn a_mirrored_picture_is_refused() {
+fn mirrored_image_is_refused() {
     let error = given(&["a.png"])
         .match_to(&mut [frame("a.png", 640, 480, 2)])
         .unwrap_err()
@@ -133,7 +133,7 @@ fn a_mirrored_picture_is_refused() {
 }
 
 #[test]
-fn poses_without_intrinsics_ask_for_them() {
+fn poses_without_intrinsics_are_refused_until_given() {
     let mut cameras = given(&["a.png"]);
     cameras.cameras[0].intrinsics = None;
     let mut all = frames(&["a.png"]);
@@ -158,7 +158,7 @@ fn poses_without_intrinsics_ask_for_them() {
 }
 
 #[test]
-fn one_set_of_intrinsics_fits_one_stored_size() {
+fn one_set_of_intrinsics_fits_one_stored_size_only() {
     let mut all = vec![frame("a.png", 640, 480, 1), frame("b.png", 480, 640, 6)];
     attach_intrinsics(&mut all, &[500.0, 510.0, 300.0, 200.0].into()).unwrap();
     let turned = all[1].camera.unwrap().intrinsics;
@@ -180,7 +180,7 @@ fn one_set_of_intrinsics_fits_one_stored_size() {
 }
 
 #[test]
-fn numbers_that_do_not_fit_leave_frames_out_with_a_warning() {
+fn unmatched_numbers_leave_frames_out_with_a_warning() {
     let folder = tempfile::tempdir().unwrap();
     let text: String = (0..3)
         .map(|i| format!("{i} {i} 0\n{}\n", super::world_from_camera_text(&pose(i))))
