@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use tempfile::{Builder, NamedTempFile, TempDir};
 
 use super::fault::without_path;
+use super::in_place::is_still_at;
 use super::temporary::{LOCK, PREFIX, SUFFIX, Unfinished};
 
 /// A file that replaces another one only when it is complete.
@@ -43,15 +44,16 @@ impl AtomicFile {
                 .tempfile_in(folder_of(target))
                 .map_err(without_path)
         };
-        let (file, listed) = Unfinished::create(make)?;
-        // Some network file systems have no locks; there, leftovers are recognised by their name
-        // only.
-        let _ = file.as_file().try_lock();
-        Ok(Self {
-            file,
-            target: target.to_owned(),
-            _listed: listed,
-        })
+        loop {
+            let (file, listed) = Unfinished::create(make)?;
+            if lock_new(file.as_file(), file.path()) {
+                return Ok(Self {
+                    file,
+                    target: target.to_owned(),
+                    _listed: listed,
+                });
+            }
+        }
     }
 
     /// Returns the file under its temporary name.
@@ -117,18 +119,22 @@ impl WorkFolder {
     /// # Errors
     /// Fails if `folder` is missing or not writable.
     pub fn create(folder: &Path) -> Result<Self> {
-        let made = Builder::new()
-            .prefix(PREFIX)
-            .suffix(SUFFIX)
-            .rand_bytes(12)
-            .tempdir_in(folder);
-        let folder = made.map_err(without_path)?;
-        let lock = File::create_new(folder.path().join(LOCK))?;
-        let _ = lock.try_lock();
-        Ok(Self {
-            folder,
-            _lock: lock,
-        })
+        loop {
+            let made = Builder::new()
+                .prefix(PREFIX)
+                .suffix(SUFFIX)
+                .rand_bytes(12)
+                .tempdir_in(folder);
+            let folder = made.map_err(without_path)?;
+            let path = folder.path().join(LOCK);
+            let lock = File::create_new(&path)?;
+            if lock_new(&lock, &path) {
+                return Ok(Self {
+                    folder,
+                    _lock: lock,
+                });
+            }
+        }
     }
 
     /// Returns the folder's path.
@@ -136,6 +142,15 @@ impl WorkFolder {
     pub fn path(&self) -> &Path {
         self.folder.path()
     }
+}
+
+/// Locks a file that was just created; returns false if it is gone.
+///
+/// Until it is locked, another process may take it for one of a killed process and remove it. That
+/// process holds the lock while it does, so a file that is still there once it is locked stays.
+fn lock_new(file: &File, path: &Path) -> bool {
+    // Some network file systems have no locks; there, leftovers are recognised by their name only.
+    file.lock().is_err() || is_still_at(file, path)
 }
 
 /// Prefix of the temporary name of a file.

@@ -1,6 +1,6 @@
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
-use std::fs::{self, OpenOptions};
+use std::fs::{self, File, OpenOptions};
 use std::io::Result;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -35,22 +35,27 @@ pub fn remove_leftovers(folder: &Path, below: bool) {
         };
         let (path, is_temporary) = (entry.path(), is_temporary(&entry.file_name()));
         if kind.is_dir() && is_temporary {
-            if is_abandoned(&path.join(LOCK)) {
+            if let Some(_lock) = lock_abandoned(&path.join(LOCK)) {
                 let _ = fs::remove_dir_all(path);
             }
         } else if kind.is_dir() && below {
             remove_leftovers(&path, below);
-        } else if kind.is_file() && is_temporary && is_abandoned(&path) {
+        } else if kind.is_file()
+            && is_temporary
+            && let Some(_lock) = lock_abandoned(&path)
+        {
             let _ = fs::remove_file(path);
         }
     }
 }
 
-fn is_abandoned(path: &Path) -> bool {
-    OpenOptions::new()
-        .write(true)
-        .open(path)
-        .is_ok_and(|file| file.try_lock().is_ok())
+/// Locks a temporary file that no process is writing, or returns `None`.
+///
+/// The lock is held until the file is removed: its creator may only now be about to lock it, waits,
+/// and then sees that it is gone.
+fn lock_abandoned(path: &Path) -> Option<File> {
+    let file = OpenOptions::new().write(true).open(path).ok()?;
+    file.try_lock().is_ok().then_some(file)
 }
 
 /// Temporary files that this process is writing.
@@ -112,6 +117,7 @@ fn list() -> MutexGuard<'static, BTreeSet<PathBuf>> {
 #[cfg(test)]
 mod tests {
     use std::io::Write;
+    use std::sync::atomic::{AtomicBool, Ordering};
 
     use super::*;
     use crate::disk::{AtomicFile, WorkFolder};
@@ -147,5 +153,27 @@ mod tests {
             .collect();
         names.sort();
         assert_eq!(names, ["c.ply", "inner", "notes.tmp"]);
+    }
+
+    #[test]
+    fn files_just_created_are_not_taken_for_leftovers() {
+        let folder = tempfile::tempdir().unwrap();
+        let is_done = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                while !is_done.load(Ordering::Relaxed) {
+                    remove_leftovers(folder.path(), false);
+                }
+            });
+            let written = (0..500).map(|number| {
+                let target = folder.path().join(format!("{}.json", number % 4));
+                crate::disk::write(&target, b"whole")?;
+                WorkFolder::create(folder.path())?;
+                Ok(())
+            });
+            let written = written.collect::<Result<Vec<()>>>();
+            is_done.store(true, Ordering::Relaxed);
+            written.unwrap();
+        });
     }
 }
