@@ -24,7 +24,8 @@ pub enum Action {
     /// Opens the export dialog.
     Export,
     /// Opens the dialog that saves the 3-D view as an image or video.
-    SavePicture,
+    #[serde(alias = "SavePicture")]
+    SaveImage,
     /// Saves the history as a recipe.
     SaveRecipe,
     /// Opens the networks dialog.
@@ -50,7 +51,8 @@ pub enum Action {
     /// Removes all prompts and the whole mask from the shown frame.
     ClearFrame,
     /// Makes the shown frame a keyframe with its current mask.
-    MakeAnchor,
+    #[serde(alias = "MakeAnchor")]
+    MakeKeyframe,
     /// Replaces the shown frame's mask by the vote of all views.
     AcceptVote,
     /// Replaces only the selected label's pixels by the vote of all views.
@@ -62,7 +64,8 @@ pub enum Action {
     /// Clears the label of the selected points.
     ClearChosen,
     /// Gives unlabelled fragments the label of the object that they are attached to.
-    AdoptPieces,
+    #[serde(alias = "AdoptPieces")]
+    AttachFragments,
     /// Starts the range at the shown frame.
     RangeFrom,
     /// Ends the range at the shown frame.
@@ -116,7 +119,8 @@ pub enum Action {
     /// Goes to the last frame.
     LastFrame,
     /// Goes to the next frame whose mask is stale or uncertain.
-    NextDoubtful,
+    #[serde(alias = "NextDoubtful")]
+    NextUncertain,
     /// Opens or closes the window of traits.
     ToggleMeasures,
     /// Inspects the point of the cloud under the pointer.
@@ -166,7 +170,8 @@ pub enum Action {
     /// Shows the image and the 3-D view.
     ShowBoth,
     /// Shows only the image.
-    ShowPicture,
+    #[serde(alias = "ShowPicture")]
+    ShowImage,
     /// Shows only the 3-D view.
     ShowScene,
     /// Shows the whole cloud in the 3-D view.
@@ -340,7 +345,7 @@ const LIST: &[Row] = {
         A::Relocate, FILE, false, "Locate missing frames…", "Locate frames whose files have moved", None;
         A::ImportMasks, FILE, false, "Import masks…", "Read masks from a folder; their frames become keyframes", None;
         A::Export, FILE, true, "Export…", "Write cloud, mesh, traits, cameras, masks or depth maps to files", ctrl(Key::E);
-        A::SavePicture, FILE, false, "Save 3-D view…", "Save the 3-D view as an image or a turntable video", ctrl_shift(Key::E);
+        A::SaveImage, FILE, false, "Save 3-D view…", "Save the 3-D view as an image or a turntable video", ctrl_shift(Key::E);
         A::SaveRecipe, FILE, false, "Save history as recipe…", "Save the steps so far as a recipe for 'ostra run'", None;
         A::Models, FILE, true, "Networks…", "Install, add and check neural networks", None;
         A::Close, FILE, true, "Close project", "Close the project; everything is already saved", ctrl(Key::W);
@@ -352,13 +357,13 @@ const LIST: &[Row] = {
         A::ExcludeHere, EDIT, false, "Exclude at pointer", "Exclude the pixel under the pointer from the label", plain(Key::E);
         A::ClearLabelHere, EDIT, false, "Remove label from this frame", "Remove the selected label's prompts and pixels from this frame", plain(Key::Delete);
         A::ClearFrame, EDIT, false, "Clear this frame", "Remove all prompts and the whole mask from this frame", shift(Key::Delete);
-        A::MakeAnchor, EDIT, false, "Make this frame a keyframe", "Confirm the mask as it is; trackers no longer change it", plain(Key::C);
+        A::MakeKeyframe, EDIT, false, "Make this frame a keyframe", "Confirm the mask as it is; trackers no longer change it", plain(Key::C);
         A::AcceptVote, EDIT, false, "Use the 3-D vote on this frame", "Replace this frame's mask by the vote of all views and make it a keyframe", shift(Key::A);
         A::AcceptLabelVote, EDIT, false, "Use the 3-D vote for this label", "Replace only the selected label's pixels by the vote of all views", ctrl_shift(Key::A);
         A::ChoosePoints, EDIT, true, "Select points in 3-D", "Drag in the 3-D view to select visible points and correct their label in all masks", shift(Key::S);
         A::AssignChosen, EDIT, false, "Assign label to selected points", "Give the selected points the selected label, in every mask that shows them", shift(Key::Enter);
         A::ClearChosen, EDIT, false, "Clear label of selected points", "Remove the label of the selected points, in every mask that shows them", shift(Key::Backspace);
-        A::AdoptPieces, EDIT, false, "Attach loose fragments", "Give unlabelled fragments the label of the object that they are attached to, in every mask that shows them", None;
+        A::AttachFragments, EDIT, false, "Attach loose fragments", "Give unlabelled fragments the label of the object that they are attached to, in every mask that shows them", None;
         A::RangeFrom, RANGE, false, "Start range here", "Make this frame the first frame of the range", plain(Key::I);
         A::RangeTo, RANGE, false, "End range here", "Make this frame the last frame of the range", shift(Key::I);
         A::DropRange, RANGE, false, "Clear range", "Apply changes to the current frame only", ctrl(Key::I);
@@ -379,13 +384,13 @@ const LIST: &[Row] = {
         A::UseTool(Tool::Brush), EDIT, false, "Brush tool", "Paint the selected label; Ctrl or right button erases, Shift+wheel sets the size", plain(Key::P);
         A::UseTool(Tool::Eraser), EDIT, false, "Eraser tool", "Erase the selected label; Shift+wheel sets the size", plain(Key::X);
         A::UseTool(Tool::Polygon), EDIT, false, "Polygon tool", "Click corners or draw an outline; Enter or double-click fills it (with Ctrl erases), Backspace or right click removes the last corner", plain(Key::G);
-        A::UseTool(Tool::Pull), EDIT, false, "Move border tool", "Press on the border of the selected label and drag it to the right place", shift(Key::G);
-        A::UseTool(Tool::Thin), EDIT, false, "Stem and wire tool", "Click two or more points along a stem or wire; Enter or double-click traces it, Backspace or right click removes the last point", plain(Key::W);
+        A::UseTool(Tool::Border), EDIT, false, "Move border tool", "Press on the border of the selected label and drag it to the right place", shift(Key::G);
+        A::UseTool(Tool::Stem), EDIT, false, "Stem and wire tool", "Click two or more points along a stem or wire; Enter or double-click traces it, Backspace or right click removes the last point", plain(Key::W);
         A::SmallerBrush, EDIT, false, "Smaller brush", "Make the brush smaller", plain(Key::OpenBracket);
         A::LargerBrush, EDIT, false, "Larger brush", "Make the brush larger", plain(Key::CloseBracket);
         A::ToggleSnap, EDIT, false, "Snap brush to edges", "Stop the brush at image edges that the inner half of its radius does not cross", plain(Key::S);
         A::ShowBoth, VIEW, false, "Image and 3-D", "Show image and 3-D view next to each other", ctrl(Key::Num1);
-        A::ShowPicture, VIEW, false, "Image only", "Show only the image", ctrl(Key::Num2);
+        A::ShowImage, VIEW, false, "Image only", "Show only the image", ctrl(Key::Num2);
         A::ShowScene, VIEW, false, "3-D only", "Show only the 3-D view", ctrl(Key::Num3);
         A::Fit, VIEW, true, "Fit image", "Show the whole image", plain(Key::Num0);
         A::ActualSize, VIEW, false, "Image at 100 %", "Show one image pixel per screen pixel", shift(Key::Num0);
@@ -414,7 +419,7 @@ const LIST: &[Row] = {
         A::Forward10, GO, false, "10 frames forward", "Go forward 10 frames", shift(Key::ArrowRight);
         A::FirstFrame, GO, false, "First frame", "Go to the first frame", plain(Key::Home);
         A::LastFrame, GO, false, "Last frame", "Go to the last frame", plain(Key::End);
-        A::NextDoubtful, GO, true, "Next frame to check", "Go to the next frame whose mask is stale or uncertain", plain(Key::D);
+        A::NextUncertain, GO, true, "Next frame to check", "Go to the next frame whose mask is stale or uncertain", plain(Key::D);
         A::NextWorst, GO, false, "Next conflict", "Go to the frame with the largest conflict, then to the next largest", shift(Key::D);
         A::FindInScene, GO, false, "Find in 3-D", "Show the votes of the point under the pointer and centre it in the 3-D view", plain(Key::Z);
         A::Track, RUN, false, "Track both ways", "Propagate the masks of keyframes to all frames", plain(Key::T);

@@ -3,7 +3,7 @@ use ostra_project::{EngineName, SegmenterId};
 
 use super::panels::has_chosen;
 use super::ranges::{is_range_change, range_request, split_at};
-use super::tips::action_button;
+use super::tooltips::action_button;
 use super::{Action, MenuName, SessionView, ViewState};
 use ostra_session::{Command, EngineKind};
 
@@ -49,7 +49,7 @@ pub(super) fn is_possible(action: Action, session: &SessionView<'_>, view: &View
         A::AddFrames | A::ImportMasks | A::SaveRecipe => session.root.is_some(),
         A::Relocate => session.has_frames(),
         A::Close => session.root.is_some() || session.inspected.is_some(),
-        A::SavePicture => session.points().is_some(),
+        A::SaveImage => session.points().is_some(),
         A::Export => session.root.is_some() || session.cloud.is_some(),
         A::Stop => !session.jobs.is_empty(),
         A::Undo => session.undo.is_some(),
@@ -58,13 +58,16 @@ pub(super) fn is_possible(action: Action, session: &SessionView<'_>, view: &View
         A::FillHoles | A::RemoveIslands => {
             view.label.is_some() && session.project.masks.contains_key(&view.frame)
         }
-        A::MakeAnchor | A::ClearFrame => session.project.masks.contains_key(&view.frame),
-        A::AcceptVote => session.doubts.contains_key(&view.frame),
-        A::AcceptLabelVote => view.label.is_some() && session.doubts.contains_key(&view.frame),
+        A::MakeKeyframe | A::ClearFrame => session.project.masks.contains_key(&view.frame),
+        A::AcceptVote => session.conflicts.contains_key(&view.frame),
+        A::AcceptLabelVote => view.label.is_some() && session.conflicts.contains_key(&view.frame),
         A::FindInScene => {
             view.pointer_px.is_some() && session.cloud.is_some() && session.votes.is_some()
         }
-        A::NextWorst => session.doubts.values().any(|doubt| doubt.against > 0),
+        A::NextWorst => session
+            .conflicts
+            .values()
+            .any(|conflict| conflict.against > 0),
         A::ToggleMeasures => session.cloud.is_some() || view.measures.open,
         A::IncludeHere | A::ExcludeHere => view.pointer_px.is_some(),
         A::ClearLabelHere => view.label.is_some() && session.has_frames(),
@@ -77,7 +80,7 @@ pub(super) fn is_possible(action: Action, session: &SessionView<'_>, view: &View
         A::CopyMask => view
             .label
             .is_some_and(|label| view.presence.on_frame(view.frame).contains(&label)),
-        A::ChoosePoints | A::AdoptPieces => session.votes.is_some(),
+        A::ChoosePoints | A::AttachFragments => session.votes.is_some(),
         A::AssignChosen => has_chosen(session, view) && view.label.is_some(),
         A::ClearChosen => has_chosen(session, view),
         A::CompareBefore | A::ToggleTimeline | A::ToggleMatches => session.has_frames(),
@@ -93,7 +96,7 @@ pub(super) fn is_possible(action: Action, session: &SessionView<'_>, view: &View
             .iter()
             .any(|frame| frame.posed_camera().is_some()),
         A::SetScale => view.ruler.command().is_some(),
-        A::Reconstruct | A::Fit | A::ActualSize | A::NextDoubtful => session.has_frames(),
+        A::Reconstruct | A::Fit | A::ActualSize | A::NextUncertain => session.has_frames(),
         A::PreviousFrame
         | A::NextFrame
         | A::Back10

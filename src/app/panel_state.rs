@@ -71,17 +71,17 @@ fn labels_in(mask: &RunMask) -> Vec<LabelId> {
 }
 
 /// Score threshold of the search. A higher threshold on the slider only filters its results.
-pub(super) const LOOKED_FOR: f32 = 0.1;
+pub(super) const MIN_SHOWN_SCORE: f32 = 0.1;
 
 /// Text to search for, and the score required of a result.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Words {
+pub struct TextPrompt {
     pub(super) text: String,
     /// Minimum score of a shown result, 0–1.
     pub least: f32,
 }
 
-impl Default for Words {
+impl Default for TextPrompt {
     fn default() -> Self {
         Self {
             text: String::new(),
@@ -90,7 +90,7 @@ impl Default for Words {
     }
 }
 
-impl Words {
+impl TextPrompt {
     /// Returns the command that searches a frame; phrases are separated by `;` or `,`.
     pub(super) fn request(&self, frame: usize) -> Option<Command> {
         let phrases = self
@@ -101,7 +101,7 @@ impl Words {
         let request = GroundRequest {
             frame,
             phrases,
-            threshold: Some(LOOKED_FOR),
+            threshold: Some(MIN_SHOWN_SCORE),
             grounder: GrounderId::Auto,
         };
         (!request.phrases.is_empty()).then_some(Command::Ground(request))
@@ -191,7 +191,7 @@ mod tests {
         });
         FrameMask {
             runs,
-            origin: MaskOrigin::Anchor,
+            origin: MaskOrigin::Keyframe,
             stale: false,
             confidence: BTreeMap::new(),
         }

@@ -5,13 +5,13 @@ use super::canvas::{clear_label, click_at};
 use super::dialogs::RelocateForm;
 use super::dialogs::{PathRequest, typed_path};
 use super::menu::is_possible;
-use super::panels::{Asked, Ruler, add_label, listed, next_worst, pairs_in};
-use super::ranges::{is_range_change, next_doubtful, range_request, set_range, split_at};
+use super::panels::{InspectedPoint, Ruler, add_label, listed, next_worst, pairs_in};
+use super::ranges::{is_range_change, next_uncertain, range_request, set_range, split_at};
 use super::view_state::{IntoRequest, SceneAction};
 use super::{Action, Dialog, Panes, SessionView, Severity, ViewState};
 use ostra_masks::Direction;
 use ostra_project::{FuseRequest, ReconstructRequest};
-use ostra_session::{AdoptRequest, CloudChange, Command, TidyRequest};
+use ostra_session::{AttachRequest, CleanRequest, CloudChange, Command};
 use ostra_view::Layer;
 
 /// Performs an action: changes the view, or issues commands.
@@ -50,7 +50,7 @@ pub(super) fn perform(
         Action::ExcludeHere => click_here(session, view, false, out),
         Action::ClearLabelHere => clear_label(session, view, out),
         Action::ClearFrame => out.push(Command::ClearMask { frame: view.frame }),
-        Action::MakeAnchor => out.push(Command::MakeAnchor { frame: view.frame }),
+        Action::MakeKeyframe => out.push(Command::MakeKeyframe { frame: view.frame }),
         Action::AcceptVote => out.push(Command::AcceptVote {
             frame: view.frame,
             labels: Vec::new(),
@@ -67,7 +67,7 @@ pub(super) fn perform(
             out.extend(change.and_then(|change| view.scene_select.correct(change)));
         }
         Action::ClearChosen => out.extend(view.scene_select.correct(CloudChange::Clear)),
-        Action::AdoptPieces => out.push(Command::Adopt(AdoptRequest::default())),
+        Action::AttachFragments => out.push(Command::Attach(AttachRequest::default())),
         Action::RangeFrom | Action::RangeTo | Action::DropRange => set_range(action, view),
         Action::CopyMask => view.copied = view.label.map(|label| (label, view.frame)),
         _ if is_range_change(action) => {
@@ -118,7 +118,7 @@ fn choose_points(view: &mut ViewState) {
 
 /// Shows the 3-D view if it is hidden.
 fn show_scene(view: &mut ViewState) {
-    if view.prefs.panes == Panes::Picture {
+    if view.prefs.panes == Panes::Image {
         view.prefs.panes = Panes::Both;
     }
 }
@@ -128,11 +128,11 @@ fn find_in_scene(session: &SessionView<'_>, view: &mut ViewState) {
     else {
         return;
     };
-    view.asked = Asked::seen_at(cloud, votes, view.frame, at_px);
-    match view.asked {
+    view.inspected_point = InspectedPoint::seen_at(cloud, votes, view.frame, at_px);
+    match view.inspected_point {
         Some(_) => {
             show_scene(view);
-            view.scene_action = Some(SceneAction::ShowAsked);
+            view.scene_action = Some(SceneAction::ShowInspected);
         }
         None => view.note = "No point of the cloud is visible here".into(),
     }
@@ -173,7 +173,7 @@ fn dialog_of(action: Action, session: &SessionView<'_>, view: &ViewState) -> Opt
         Action::Open => Dialog::Path(PathRequest::OpenProject),
         Action::Inspect => Dialog::Path(PathRequest::InspectPly),
         Action::ImportMasks => Dialog::Path(PathRequest::ImportMasks),
-        Action::SavePicture => Dialog::Picture,
+        Action::SaveImage => Dialog::Image,
         Action::SaveRecipe => Dialog::Path(PathRequest::SaveRecipe),
         _ => return None,
     })
@@ -189,8 +189,8 @@ fn destination(action: Action, session: &SessionView<'_>, view: &ViewState) -> O
         Action::Forward10 => (view.frame + 10).min(last),
         Action::FirstFrame => 0,
         Action::LastFrame => last,
-        Action::NextDoubtful => next_doubtful(session, view).unwrap_or(view.frame),
-        Action::NextWorst => next_worst(session.doubts, view.frame).unwrap_or(view.frame),
+        Action::NextUncertain => next_uncertain(session, view).unwrap_or(view.frame),
+        Action::NextWorst => next_worst(session.conflicts, view.frame).unwrap_or(view.frame),
         _ => return None,
     })
 }
@@ -214,7 +214,7 @@ fn look_differently(action: Action, ctx: &Context, view: &mut ViewState) {
         }
         Action::ToggleOutlines => view.prefs.outlines = !view.prefs.outlines,
         Action::ShowBoth => view.prefs.panes = Panes::Both,
-        Action::ShowPicture => view.prefs.panes = Panes::Picture,
+        Action::ShowImage => view.prefs.panes = Panes::Image,
         Action::ShowScene => view.prefs.panes = Panes::Scene,
         Action::FrameCloud => view.scene_action = Some(SceneAction::FrameAll),
         Action::LookThrough => {
@@ -232,7 +232,7 @@ fn look_differently(action: Action, ctx: &Context, view: &mut ViewState) {
 
 fn actual_size(ctx: &Context, view: &mut ViewState) {
     if view.zoom.scale.is_none() {
-        view.zoom.centre_px = view.pointer_px.unwrap_or(view.picture_middle_px);
+        view.zoom.centre_px = view.pointer_px.unwrap_or(view.image_middle_px);
     }
     view.zoom.scale = Some(1.0 / ctx.pixels_per_point());
 }
@@ -264,7 +264,7 @@ fn click_here(
 
 fn tidy(view: &ViewState, holes_below_px: usize, islands_below_px: usize, out: &mut Vec<Command>) {
     if let Some(label) = view.label {
-        out.push(Command::Tidy(TidyRequest {
+        out.push(Command::Clean(CleanRequest {
             frame: view.frame,
             label,
             holes_below_px,

@@ -4,7 +4,7 @@ use egui::{Event, PointerButton, Pos2, Ui};
 ///
 /// If the button was pressed in this frame, the path starts there. A slow frame contains many
 /// pointer events, and a stroke needs all of them.
-pub(crate) fn trail(ui: &Ui, buttons: &[PointerButton]) -> Vec<Pos2> {
+pub(crate) fn pointer_path(ui: &Ui, buttons: &[PointerButton]) -> Vec<Pos2> {
     let of_button = |event: &Event, down: bool| match event {
         Event::PointerButton {
             button, pressed, ..
@@ -38,12 +38,12 @@ const STILL: f32 = 2.0;
 
 /// Resting position of the pointer on the screen, and since when it rests there.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rest {
+pub struct HoverDwell {
     at: Pos2,
     since_s: f64,
 }
 
-impl Rest {
+impl HoverDwell {
     /// Follows the pointer and returns its position once it has rested for long enough.
     ///
     /// Until then a repaint is scheduled for the end of the waiting time.

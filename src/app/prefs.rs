@@ -37,9 +37,11 @@ pub struct Prefs {
     /// Device that runs neural networks.
     pub provider: Provider,
     /// Whether pixels that contradict the vote of all views are highlighted.
-    pub contradictions: bool,
+    #[serde(alias = "contradictions")]
+    pub mismatches: bool,
     /// Confidence below which a frame is flagged for checking, 0–1.
-    pub doubt_below: f32,
+    #[serde(alias = "doubt_below")]
+    pub flag_below: f32,
 }
 
 impl Default for Prefs {
@@ -60,8 +62,8 @@ impl Default for Prefs {
             links: false,
             timeline: true,
             provider: Provider::default(),
-            contradictions: true,
-            doubt_below: 0.5,
+            mismatches: true,
+            flag_below: 0.5,
         }
     }
 }
@@ -73,7 +75,8 @@ pub enum Panes {
     #[default]
     Both,
     /// Image only.
-    Picture,
+    #[serde(alias = "Picture")]
+    Image,
     /// 3-D view only.
     Scene,
 }

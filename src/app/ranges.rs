@@ -55,7 +55,7 @@ pub(super) fn range_request(
             },
             meant,
         ),
-        Action::InterpolateRange => (RangeChange::Interpolate, between_anchors(project, view)?),
+        Action::InterpolateRange => (RangeChange::Interpolate, between_keyframes(project, view)?),
         Action::PasteMask => {
             let (copied, frame) = view.copied?;
             let request = RangeRequest {
@@ -107,14 +107,14 @@ pub(super) fn split_at(session: &SessionView<'_>, view: &ViewState) -> Option<gl
 ///
 /// A tracked mask is to be checked if it is stale, if the confidence of a label is below the
 /// preference, or if a label of the previous frame is lost.
-pub(super) fn next_doubtful(session: &SessionView<'_>, view: &ViewState) -> Option<usize> {
+pub(super) fn next_uncertain(session: &SessionView<'_>, view: &ViewState) -> Option<usize> {
     let count = session.project.frames.len();
     (1..=count)
         .map(|step| (view.frame + step) % count)
-        .find(|&frame| is_doubtful(session.project, view, frame))
+        .find(|&frame| is_uncertain(session.project, view, frame))
 }
 
-fn is_doubtful(project: &Project, view: &ViewState, frame: usize) -> bool {
+fn is_uncertain(project: &Project, view: &ViewState, frame: usize) -> bool {
     let Some(mask) = project
         .masks
         .get(&frame)
@@ -125,7 +125,7 @@ fn is_doubtful(project: &Project, view: &ViewState, frame: usize) -> bool {
     let unsure = mask
         .confidence
         .values()
-        .any(|&sure| sure < view.prefs.doubt_below);
+        .any(|&confidence| confidence < view.prefs.flag_below);
     mask.stale || unsure || lost_on(project, view, frame).next().is_some()
 }
 
@@ -152,41 +152,45 @@ pub(super) fn lost_on<'a>(
 }
 
 fn shows(view: &ViewState, frame: usize, mask: &FrameMask, label: LabelId) -> bool {
-    mask.origin == MaskOrigin::Anchor && view.presence.on_frame(frame).contains(&label)
+    mask.origin == MaskOrigin::Keyframe && view.presence.on_frame(frame).contains(&label)
 }
 
 /// Returns the frames between the last keyframe with the label and the shown frame, both excluded.
 fn before_appearing(project: &Project, view: &ViewState, label: LabelId) -> Option<(usize, usize)> {
     let mut before = project.masks.range(..view.frame).rev();
-    let anchor = before
+    let keyframe = before
         .find(|&(&frame, mask)| shows(view, frame, mask, label))
-        .map(|(&anchor, _)| anchor);
-    let first = anchor.map_or(0, |anchor| anchor + 1);
+        .map(|(&keyframe, _)| keyframe);
+    let first = keyframe.map_or(0, |keyframe| keyframe + 1);
     (first < view.frame).then(|| (first, view.frame - 1))
 }
 
 /// Returns the frames from the shown one to the last before the next keyframe with the label.
 fn after_going(project: &Project, view: &ViewState, label: LabelId) -> Option<(usize, usize)> {
     let mut after = project.masks.range(view.frame + 1..);
-    let anchor = after
+    let keyframe = after
         .find(|&(&frame, mask)| shows(view, frame, mask, label))
-        .map(|(&anchor, _)| anchor);
-    let last = anchor.unwrap_or(project.frames.len()).checked_sub(1)?;
+        .map(|(&keyframe, _)| keyframe);
+    let last = keyframe.unwrap_or(project.frames.len()).checked_sub(1)?;
     (view.frame <= last).then_some((view.frame, last))
 }
 
 /// Returns the range, or else the span between the keyframes around the shown frame.
 ///
 /// Both ends are included. The span starts at the shown frame if that is a keyframe.
-fn between_anchors(project: &Project, view: &ViewState) -> Option<(usize, usize)> {
+fn between_keyframes(project: &Project, view: &ViewState) -> Option<(usize, usize)> {
     if view.range.is_some() {
         return view.range.filter(|(from, to)| to - from > 1);
     }
-    let is_anchor = project
+    let is_keyframe = project
         .masks
         .get(&view.frame)
-        .is_some_and(|mask| mask.origin == MaskOrigin::Anchor);
-    let (before, after) = project.neighbour_anchors(view.frame);
-    let from = if is_anchor { Some(view.frame) } else { before };
+        .is_some_and(|mask| mask.origin == MaskOrigin::Keyframe);
+    let (before, after) = project.neighbour_keyframes(view.frame);
+    let from = if is_keyframe {
+        Some(view.frame)
+    } else {
+        before
+    };
     from.zip(after).filter(|(from, to)| to - from > 1)
 }

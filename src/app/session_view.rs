@@ -2,7 +2,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use ostra_cloud::doubt::FrameDoubt;
+use ostra_cloud::conflicts::FrameConflict;
 use ostra_cloud::fuse::Votes;
 use ostra_cloud::measure::{LengthUnit, TraitRow};
 use ostra_cloud::select::Selection;
@@ -12,10 +12,10 @@ use ostra_frames::{Frame, FrameStore};
 use ostra_masks::{LabelTree, Region, RunMask};
 use ostra_project::{Estimate, Project};
 use ostra_session::{
-    Angles, Drawings, Engine, EngineKind, Grounding, JobTask, JobView, Pictures, ProposedInstances,
+    Angles, Drawings, Engine, EngineKind, Grounding, Images, JobTask, JobView, ProposedInstances,
     SparseModel, Suggestion,
 };
-use ostra_view::{Layer, LayerPicture, draw_layer};
+use ostra_view::{Layer, LayerImage, draw_layer};
 
 /// Read-only view of the open session, borrowed by the panels for one frame of the window.
 #[derive(Clone, Copy)]
@@ -35,7 +35,7 @@ pub struct SessionView<'a> {
     /// Triangles to show; `None` while points are shown or the surface is loading.
     pub surface: Option<&'a Arc<LabelledMesh>>,
     /// Points of the depth maps that a running job has computed so far.
-    pub growing: Option<&'a Arc<LabelledCloud>>,
+    pub preview_cloud: Option<&'a Arc<LabelledCloud>>,
     /// Sparse model of the cameras, if they come from structure from motion.
     pub sparse: Option<&'a Arc<SparseModel>>,
     /// Selected points of the cloud, or why there are none; `None` while they are computed.
@@ -43,7 +43,7 @@ pub struct SessionView<'a> {
     /// PLY file that is viewed on its own.
     pub inspected: Option<&'a Path>,
     /// Images and thumbnails.
-    pub pictures: Option<&'a Pictures>,
+    pub images: Option<&'a Images>,
     /// Depth, normals and confidence drawn as images.
     pub layers: Option<&'a Layers>,
     /// Mask that an include click at the resting pointer would give.
@@ -69,9 +69,9 @@ pub struct SessionView<'a> {
     /// Number of manual interactions with masks since the session began.
     pub interactions: usize,
     /// Conflict of each frame's mask with the vote of all views, by frame index.
-    pub doubts: &'a BTreeMap<usize, FrameDoubt>,
+    pub conflicts: &'a BTreeMap<usize, FrameConflict>,
     /// Pixels of the shown frame that the vote contradicts, if they are to be shown.
-    pub contradicted: Option<&'a Arc<Region>>,
+    pub vote_mismatch: Option<&'a Arc<Region>>,
     /// Traits of the cloud's labels, once requested and measured.
     pub traits: Option<&'a Arc<Vec<TraitRow>>>,
     /// Requested angles between labels, once measured.
@@ -95,7 +95,7 @@ impl SessionView<'_> {
     /// sparse model.
     #[must_use]
     pub fn points(&self) -> Option<&Arc<LabelledCloud>> {
-        self.growing
+        self.preview_cloud
             .or(self.proposed.map(|proposed| &proposed.cloud))
             .or(self.cloud)
             .or(self.sparse.map(|sparse| &sparse.cloud))
@@ -149,7 +149,7 @@ pub(super) fn labels_of<'a>(session: &SessionView<'a>) -> &'a LabelTree {
 pub type Layers = Drawings<(usize, Layer), Drawn>;
 
 /// Drawn layer, `None` if the frame has no such layer, or why it cannot be read.
-pub type Drawn = Result<Option<LayerPicture>, String>;
+pub type Drawn = Result<Option<LayerImage>, String>;
 
 /// Creates the drawings of the layers of `frames`, loading data through `store`.
 ///

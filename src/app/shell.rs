@@ -1,20 +1,20 @@
 use egui::{CentralPanel, Context, Event, Frame, Key, Margin, Panel, ScrollArea, Stroke, Ui};
 
-use super::canvas::picture_pane_ui;
+use super::canvas::image_pane_ui;
 use super::dialogs::{
-    export_ui, into_ui, models_ui, new_project_ui, palette_ui, path_ui, picture_ui, relocate_ui,
+    export_ui, image_ui, into_ui, models_ui, new_project_ui, palette_ui, path_ui, relocate_ui,
     sheet_ui, take_picked,
 };
 use super::menu::menu_bar_ui;
 use super::notices::notices_ui;
 use super::panels::{
-    HEAT_HEIGHT, ScenePane, cloud_labels_ui, doubt_ui, filmstrip_ui, fuse_ui, heat_ui,
+    HEAT_HEIGHT, ScenePane, cloud_labels_ui, conflicts_ui, filmstrip_ui, fuse_ui, heat_ui,
     instances_ui, jobs_ui, labels_ui, matches_ui, measures_ui, reconstruct_ui, results_ui,
-    segmenter_ui, status_ui, suggestions_ui, timeline_ui, track_ui, welcome_ui, words_ui,
+    segmenter_ui, status_ui, suggestions_ui, text_prompt_ui, timeline_ui, track_ui, welcome_ui,
 };
 use super::perform::perform;
 use super::textures::Textures;
-use super::tips::section_heading;
+use super::tooltips::section_heading;
 use super::{Action, Dialog, Panes, Prefs, SessionView, ViewState};
 use ostra_session::Command;
 use ostra_view::Orbit;
@@ -100,8 +100,8 @@ impl Shell {
         for action in actions {
             perform(action, ui.ctx(), session, &mut self.view, &mut out);
         }
-        if let Some(pictures) = session.pictures {
-            pictures.turn();
+        if let Some(images) = session.images {
+            images.turn();
         }
         out
     }
@@ -167,15 +167,15 @@ impl Shell {
                 segmenter_ui(ui, session, view);
                 ui.separator();
                 section_heading(ui, "Find by text");
-                words_ui(ui, session, view, out);
+                text_prompt_ui(ui, session, view, out);
             });
         });
         side_panel(Panel::right("work"), 262.0).show(ui, |ui| {
             scrolled(ui, "right", |ui| {
                 section(ui, "Track", true, |ui| track_ui(ui, session, view, actions));
-                if !session.doubts.is_empty() {
+                if !session.conflicts.is_empty() {
                     section(ui, "Conflicts", true, |ui| {
-                        doubt_ui(ui, session, view, actions);
+                        conflicts_ui(ui, session, view, actions);
                     });
                 }
                 section(ui, "Suggestions", !session.suggestions.is_empty(), |ui| {
@@ -237,7 +237,7 @@ impl Shell {
                         .ui(ui, session, &mut self.view, &mut self.textures, actions);
                 });
         }
-        picture_pane_ui(
+        image_pane_ui(
             ui,
             session,
             &mut self.view,
@@ -261,7 +261,7 @@ impl Shell {
             }
             Some(Dialog::Relocate) => relocate_ui(ui, view, out),
             Some(Dialog::Export) => export_ui(ui, session, view, out),
-            Some(Dialog::Picture) => picture_ui(ui, view),
+            Some(Dialog::Image) => image_ui(ui, view),
             Some(Dialog::Models) => models_ui(ui, session, view, out),
             Some(Dialog::Shortcuts) => sheet_ui(ui, view),
             Some(Dialog::Palette) => palette_ui(ui, session, view, actions),

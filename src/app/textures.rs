@@ -10,16 +10,16 @@ use ostra_view::{OverlayStyle, hatch, overlay};
 /// Textures of images, thumbnails and masks. Each is rebuilt only when its content changes.
 #[derive(Default)]
 pub(super) struct Textures {
-    picture: Option<Picture>,
-    pair: [Option<Picture>; 2],
+    image: Option<CachedImage>,
+    pair: [Option<CachedImage>; 2],
     mask: Option<MaskTexture>,
     hovered: Option<MaskTexture>,
-    contradicted: Option<(Arc<Region>, TextureHandle)>,
+    vote_mismatch: Option<(Arc<Region>, TextureHandle)>,
     thumbnails: BTreeMap<usize, Thumbnail>,
     clock: u64,
 }
 
-type Picture = (Arc<Image>, TextureHandle);
+type CachedImage = (Arc<Image>, TextureHandle);
 
 struct MaskTexture {
     runs: Arc<RunMask>,
@@ -55,13 +55,13 @@ impl Textures {
     }
 
     /// Returns the texture of the shown image.
-    pub fn picture(&mut self, ctx: &Context, image: &Arc<Image>) -> TextureHandle {
-        picture_texture(&mut self.picture, ctx, image)
+    pub fn image(&mut self, ctx: &Context, image: &Arc<Image>) -> TextureHandle {
+        image_texture(&mut self.image, ctx, image)
     }
 
     /// Returns the texture of one of two images shown next to each other.
     pub fn of_pair(&mut self, ctx: &Context, place: usize, image: &Arc<Image>) -> TextureHandle {
-        picture_texture(&mut self.pair[place], ctx, image)
+        image_texture(&mut self.pair[place], ctx, image)
     }
 
     /// Returns the texture of the mask over the image.
@@ -91,8 +91,8 @@ impl Textures {
     }
 
     /// Returns the texture of the pixels that contradict the vote.
-    pub fn contradicted(&mut self, ctx: &Context, region: &Arc<Region>) -> TextureHandle {
-        if let Some((shown, texture)) = &self.contradicted
+    pub fn vote_mismatch(&mut self, ctx: &Context, region: &Arc<Region>) -> TextureHandle {
+        if let Some((shown, texture)) = &self.vote_mismatch
             && Arc::ptr_eq(shown, region)
         {
             return texture.clone();
@@ -100,7 +100,7 @@ impl Textures {
         let pixels = hatch(region);
         let image = fitted(ctx, region.width, region.height, |i| straight(pixels[i]));
         let texture = ctx.load_texture("contradicted", image, PIXELS);
-        self.contradicted = Some((Arc::clone(region), texture.clone()));
+        self.vote_mismatch = Some((Arc::clone(region), texture.clone()));
         texture
     }
 
@@ -142,7 +142,11 @@ impl Textures {
 }
 
 /// Returns the cached texture, or a new one if the image changed.
-fn picture_texture(kept: &mut Option<Picture>, ctx: &Context, image: &Arc<Image>) -> TextureHandle {
+fn image_texture(
+    kept: &mut Option<CachedImage>,
+    ctx: &Context,
+    image: &Arc<Image>,
+) -> TextureHandle {
     if let Some((shown, texture)) = kept
         && Arc::ptr_eq(shown, image)
     {

@@ -4,17 +4,17 @@ use std::path::PathBuf;
 
 use super::canvas::{Draft, Tool, ZoomState};
 use super::dialogs::{
-    ExportForm, ModelsForm, NewProjectForm, PathPicker, PathRequest, PictureForm, RelocateForm,
+    ExportForm, ImageForm, ModelsForm, NewProjectForm, PathPicker, PathRequest, RelocateForm,
     ScreenshotRequest, SheetState,
 };
-use super::panel_state::{LabelEditing, MatchView, PointCounts, Presence, Words};
-use super::panels::{Asked, MeasureView, Ruler, SceneSelect};
-use super::pointer::Rest;
+use super::panel_state::{LabelEditing, MatchView, PointCounts, Presence, TextPrompt};
+use super::panels::{InspectedPoint, MeasureView, Ruler, SceneSelect};
+use super::pointer::HoverDwell;
 use super::{Notices, Prefs, SceneLook, SessionView};
 use ostra_masks::{Direction, LabelId, MaskFormat};
 use ostra_project::{FuseRequest, ReconstructRequest};
 use ostra_session::{InstancesRequest, PromptRequest, Surface, TrackSettings};
-use ostra_view::{Coloring, Layer, Portrait, Side};
+use ostra_view::{Coloring, Layer, RenderRequest, Side};
 
 /// State of the window that is not part of the project, such as the shown frame and tool.
 ///
@@ -69,11 +69,11 @@ pub struct ViewState {
     /// Form of the export dialog.
     pub export: ExportForm,
     /// Form of the dialog that saves the 3-D view.
-    pub picture: PictureForm,
+    pub image: ImageForm,
     /// Requested image or video of the 3-D view.
     pub screenshot_request: Option<ScreenshotRequest>,
     /// Content of the 3-D view for the screenshot request, ready to be rendered.
-    pub portrait: Option<(ScreenshotRequest, Portrait)>,
+    pub portrait: Option<(ScreenshotRequest, RenderRequest)>,
     /// Form of the dialog for moved frames.
     pub relocate: RelocateForm,
     /// Form of the networks dialog.
@@ -89,7 +89,7 @@ pub struct ViewState {
     /// State of the shortcut sheet.
     pub sheet: SheetState,
     /// Text and minimum score of the search by text.
-    pub words: Words,
+    pub text_prompt: TextPrompt,
     /// Text typed in the palette.
     pub palette_text: String,
     /// Edits in progress in the label list.
@@ -107,7 +107,7 @@ pub struct ViewState {
     /// Whether the filmstrip scrolls to the shown frame on its next draw.
     pub reveal_frame: bool,
     /// Inspected point of the cloud.
-    pub asked: Option<Asked>,
+    pub inspected_point: Option<InspectedPoint>,
     /// One-time action for the 3-D view to perform on its next draw.
     pub scene_action: Option<SceneAction>,
     /// Selection of points in the 3-D view.
@@ -121,13 +121,13 @@ pub struct ViewState {
     /// Layer of the frame to show: image, depth, normals or confidence.
     pub layer: Layer,
     /// Place where the pointer rests over the image.
-    pub rest: Option<Rest>,
+    pub rest: Option<HoverDwell>,
     /// Prompt that a click at the pointer would send, for the preview.
     pub hover_request: Option<PromptRequest>,
     /// Image position under the pointer, in pixels.
     pub pointer_px: Option<glam::DVec2>,
     /// Centre of the shown image, in pixels.
-    pub picture_middle_px: glam::DVec2,
+    pub image_middle_px: glam::DVec2,
 }
 
 /// Result shown in the 3-D view.
@@ -164,7 +164,7 @@ pub enum SceneAction {
     /// Views the scene from the camera of the shown frame.
     LookThrough,
     /// Centres the inspected point.
-    ShowAsked,
+    ShowInspected,
     /// Views the scene from one side.
     LookFrom(Side),
 }
@@ -181,7 +181,7 @@ pub enum Dialog {
     /// Exports results to files.
     Export,
     /// Saves the 3-D view as an image or video.
-    Picture,
+    Image,
     /// Lists and installs networks.
     Models,
     /// Shows and changes shortcuts.
@@ -234,7 +234,7 @@ impl ViewState {
             dialog: None,
             new_project: NewProjectForm::default(),
             export: ExportForm::default(),
-            picture: PictureForm::default(),
+            image: ImageForm::default(),
             screenshot_request: None,
             portrait: None,
             relocate: RelocateForm::default(),
@@ -244,7 +244,7 @@ impl ViewState {
             path_text: String::new(),
             recipe_to: None,
             sheet: SheetState::default(),
-            words: Words::default(),
+            text_prompt: TextPrompt::default(),
             palette_text: String::new(),
             labels: LabelEditing::default(),
             presence: Presence::default(),
@@ -253,7 +253,7 @@ impl ViewState {
             notices: Notices::default(),
             note: String::new(),
             reveal_frame: true,
-            asked: None,
+            inspected_point: None,
             scene_action: None,
             scene_select: SceneSelect::default(),
             ruler: Ruler::default(),
@@ -263,7 +263,7 @@ impl ViewState {
             rest: None,
             hover_request: None,
             pointer_px: None,
-            picture_middle_px: glam::DVec2::ZERO,
+            image_middle_px: glam::DVec2::ZERO,
         }
     }
 
@@ -311,7 +311,7 @@ impl ViewState {
         self.fuse.voxel = self.fuse.voxel.map(|voxel| voxel * factor);
         // A selection is stored with the camera poses from before the change of scale.
         self.scene_select.steps.clear();
-        self.asked = None;
+        self.inspected_point = None;
     }
 
     /// Returns the settings that track the selected label again around the shown frame.

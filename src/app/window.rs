@@ -10,12 +10,12 @@ use super::theme::set_theme;
 use super::{Dialog, Layers, Prefs, SessionView, Severity, Shell, layers_of};
 use ostra_compute::nn::{Provider, Row};
 use ostra_core::disk;
-use ostra_frames::{FilmOptions, Frame};
+use ostra_frames::{Frame, TurntableOptions};
 use ostra_project::export_targets::ExportTargets;
 use ostra_project::{Estimate, Project, scale_between};
 use ostra_session::Event;
-use ostra_session::{Command, Engine, Pictures, Recent, Session, list_engines, list_models};
-use ostra_view::{Portrait, write_png};
+use ostra_session::{Command, Engine, Images, Recent, Session, list_engines, list_models};
+use ostra_view::{RenderRequest, write_png};
 
 /// Opens the window.
 ///
@@ -50,9 +50,9 @@ pub struct Window {
     session: Session,
     shell: Shell,
     nothing: Arc<Project>,
-    pictures: Option<Pictures>,
+    images: Option<Images>,
     layers: Option<Layers>,
-    pictured: Arc<Vec<Frame>>,
+    shown_frames: Arc<Vec<Frame>>,
     engines: Vec<Engine>,
     models: Vec<Row>,
     recent: Recent,
@@ -93,9 +93,9 @@ impl Window {
             session,
             shell,
             nothing: Arc::default(),
-            pictures: None,
+            images: None,
             layers: None,
-            pictured: Arc::default(),
+            shown_frames: Arc::default(),
             engines: list_engines(),
             models: list_models().unwrap_or_default(),
             recent,
@@ -150,7 +150,7 @@ impl Window {
             None
         };
         self.session.follow_masks();
-        let doubts = self.session.doubts();
+        let conflicts = self.session.conflicts();
         let session = SessionView {
             project,
             root: self.session.root(),
@@ -164,11 +164,11 @@ impl Window {
                 .shown
                 .surface()
                 .and_then(|surface| self.session.surface(surface)),
-            growing: self.session.growing_cloud(),
+            preview_cloud: self.session.preview_cloud(),
             sparse: self.session.sparse(),
             chosen: self.session.selected(),
             inspected: self.session.inspected(),
-            pictures: self.pictures.as_ref(),
+            images: self.images.as_ref(),
             layers: self.layers.as_ref(),
             hovered: self.session.hovered(),
             jobs: &jobs,
@@ -181,10 +181,10 @@ impl Window {
             suggestions: self.session.suggestions(),
             grounding: self.session.grounding(),
             interactions: self.session.interactions(),
-            doubts,
-            contradicted: view
-                .shows_contradiction(doubts)
-                .then(|| self.session.contradicted(view.frame))
+            conflicts,
+            vote_mismatch: view
+                .shows_mismatch(conflicts)
+                .then(|| self.session.vote_mismatch(view.frame))
                 .flatten(),
             traits: view
                 .measures
@@ -198,9 +198,9 @@ impl Window {
             unit: self.session.length_unit(),
             estimate: self.estimate,
         };
-        let asked = self.shell.ui(ui, &session);
-        let changes = !asked.is_empty();
-        for command in asked {
+        let requested = self.shell.ui(ui, &session);
+        let changes = !requested.is_empty();
+        for command in requested {
             self.act(command);
         }
         self.session
@@ -211,7 +211,7 @@ impl Window {
             self.save_recipe(&path);
         }
         if let Some((request, portrait)) = self.shell.view.portrait.take() {
-            self.portray(&request, portrait);
+            self.render(&request, portrait);
         }
         if changes {
             ui.ctx().request_repaint();
@@ -279,7 +279,7 @@ impl Window {
             Event::Started { .. }
             | Event::CloudChanged
             | Event::SparseChanged
-            | Event::DoubtsChanged => {}
+            | Event::ConflictsChanged => {}
         }
     }
 
@@ -288,29 +288,29 @@ impl Window {
     /// Loaded images are kept if only cameras or depth maps changed.
     fn follow_frames(&mut self, ctx: &Context) {
         let frames = &self.session.project().unwrap_or(&self.nothing).frames;
-        if Arc::ptr_eq(frames, &self.pictured) {
+        if Arc::ptr_eq(frames, &self.shown_frames) {
             return;
         }
-        if let Some(factor) = scale_between(&self.pictured, frames) {
+        if let Some(factor) = scale_between(&self.shown_frames, frames) {
             self.shell.scale_by(factor);
         }
         let (waker, store) = (ctx.clone(), Arc::clone(self.session.store()));
         self.layers = Some(layers_of(Arc::clone(frames), store, move || {
             waker.request_repaint();
         }));
-        let same = frames.len() == self.pictured.len()
+        let same = frames.len() == self.shown_frames.len()
             && frames
                 .iter()
-                .zip(self.pictured.iter())
-                .all(|(a, b)| a.picture == b.picture);
+                .zip(self.shown_frames.iter())
+                .all(|(a, b)| a.image == b.image);
         if !same {
             let waker = ctx.clone();
             let store = Arc::clone(self.session.store());
-            self.pictures = Some(Pictures::of(Arc::clone(frames), store, move || {
+            self.images = Some(Images::of(Arc::clone(frames), store, move || {
                 waker.request_repaint();
             }));
         }
-        self.pictured = Arc::clone(frames);
+        self.shown_frames = Arc::clone(frames);
     }
 
     fn window_title(&self) -> String {
@@ -330,7 +330,7 @@ impl Window {
     }
 
     /// Renders an image or video of the 3-D view in the background.
-    fn portray(&mut self, request: &ScreenshotRequest, portrait: Portrait) {
+    fn render(&mut self, request: &ScreenshotRequest, portrait: RenderRequest) {
         let size = request.size;
         let started = match request.take {
             Take::Still { transparent } => {
@@ -342,20 +342,24 @@ impl Window {
                     )?)
                 };
                 self.session
-                    .write_picture(&request.path, request.overwrite, write)
+                    .write_image(&request.path, request.overwrite, write)
             }
             Take::Turntable { count, fps } => {
-                let options = FilmOptions {
+                let options = TurntableOptions {
                     size,
                     count,
                     fps: f64::from(fps),
                 };
-                self.session
-                    .write_film(&request.path, options, request.overwrite, move |number| {
+                self.session.write_turntable(
+                    &request.path,
+                    options,
+                    request.overwrite,
+                    move |number| {
                         portrait
                             .draw(size, TAU * number as f32 / count as f32, false)
                             .image
-                    })
+                    },
+                )
             }
         };
         if let Err(error) = started {

@@ -9,11 +9,11 @@ use serde_json::json;
 use super::drive::{Driver, label_id};
 use super::print::{print_json, print_text};
 use super::values;
-use ostra_cloud::doubt::FrameDoubt;
+use ostra_cloud::conflicts::FrameConflict;
 use ostra_cloud::instances::InstanceOptions;
 use ostra_masks::LabelId;
 use ostra_project::FuseRequest;
-use ostra_session::{AdoptRequest, Command, InstancesRequest};
+use ostra_session::{AttachRequest, Command, InstancesRequest};
 
 #[derive(Debug, Args)]
 pub(super) struct FuseArgs {
@@ -53,7 +53,7 @@ pub(super) struct AttachArgs {
     /// Project folder.
     pub project: PathBuf,
     /// Largest gap between connected points, in multiples of the spacing of the labelled points.
-    #[arg(long, value_name = "R", default_value_t = AdoptRequest::default().radius)]
+    #[arg(long, value_name = "R", default_value_t = AttachRequest::default().radius)]
     pub radius: f64,
 }
 
@@ -92,28 +92,28 @@ pub(super) fn conflicts(args: &ConflictsArgs) -> Result<()> {
         };
         return driver.act_and_save(args.accept.iter().map(accept));
     }
-    let doubts = driver.doubts()?;
+    let conflicts = driver.conflicts()?;
     ensure!(
-        !doubts.is_empty(),
+        !conflicts.is_empty(),
         "the votes of this cloud are not known; run 'ostra fuse' with masks and cameras"
     );
-    let mut ranked: Vec<_> = doubts.iter().collect();
+    let mut ranked: Vec<_> = conflicts.iter().collect();
     ranked.sort_by(|a, b| b.1.share().total_cmp(&a.1.share()).then(a.0.cmp(b.0)));
     let frames = &driver.project()?.frames;
     if args.json {
-        let row = |(&frame, doubt): (&usize, &FrameDoubt)| {
-            json!({ "frame": frame, "name": frames[frame].name, "share": doubt.share(), "against": doubt.against,
-                "compared": doubt.compared })
+        let row = |(&frame, conflict): (&usize, &FrameConflict)| {
+            json!({ "frame": frame, "name": frames[frame].name, "share": conflict.share(), "against": conflict.against,
+                "compared": conflict.compared })
         };
         print_json(&json!({ "frames": ranked.into_iter().map(row).collect::<Vec<_>>() }));
         return Ok(());
     }
     print_text("in conflict  compared px  frame\n");
-    for (&frame, doubt) in ranked {
-        let share = 100.0 * doubt.share();
+    for (&frame, conflict) in ranked {
+        let share = 100.0 * conflict.share();
         print_text(&format!(
             "{share:>9.2} % {:>12}  {frame} {}\n",
-            doubt.compared, frames[frame].name
+            conflict.compared, frames[frame].name
         ));
     }
     Ok(())
@@ -155,7 +155,7 @@ pub(super) fn fuse(args: FuseArgs) -> Result<()> {
 
 /// Gives unlabelled fragments to the objects they are attached to. The session reports how many.
 pub(super) fn attach(args: &AttachArgs) -> Result<()> {
-    Driver::open(&args.project)?.act_and_save([Command::Adopt(AdoptRequest {
+    Driver::open(&args.project)?.act_and_save([Command::Attach(AttachRequest {
         radius: args.radius,
     })])
 }

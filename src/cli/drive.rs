@@ -9,10 +9,10 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::print::{print_text, print_to_stderr, printable, warn};
 use super::stop;
-use ostra_cloud::doubt::FrameDoubt;
+use ostra_cloud::conflicts::FrameConflict;
 use ostra_cloud::fuse::Votes;
 use ostra_cloud::{LabelledCloud, LabelledMesh};
-use ostra_frames::{FilmOptions, Image};
+use ostra_frames::{Image, TurntableOptions};
 use ostra_masks::LabelId;
 use ostra_project::Project;
 use ostra_session::{Command, Event, FoundThing, JobView, Session, Suggestion};
@@ -115,12 +115,12 @@ impl Driver {
     /// Returns the conflicts between mask and vote, by frame index.
     ///
     /// The map is empty if the votes of the cloud are not known.
-    pub(super) fn doubts(&mut self) -> Result<Arc<BTreeMap<usize, FrameDoubt>>> {
+    pub(super) fn conflicts(&mut self) -> Result<Arc<BTreeMap<usize, FrameConflict>>> {
         self.cloud()?;
-        if self.session.doubts().is_empty() {
+        if self.session.conflicts().is_empty() {
             self.settle()?;
         }
-        Ok(Arc::clone(self.session.doubts()))
+        Ok(Arc::clone(self.session.conflicts()))
     }
 
     /// Returns the objects found by the last text prompt.
@@ -142,14 +142,15 @@ impl Driver {
     }
 
     /// Writes a video, image by image.
-    pub(super) fn write_film(
+    pub(super) fn write_turntable(
         &mut self,
         path: &Path,
-        options: FilmOptions,
+        options: TurntableOptions,
         overwrite: bool,
         draw: impl Fn(usize) -> Image + Send + 'static,
     ) -> Result<()> {
-        self.session.write_film(path, options, overwrite, draw)?;
+        self.session
+            .write_turntable(path, options, overwrite, draw)?;
         self.settle()
     }
 

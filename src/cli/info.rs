@@ -139,7 +139,7 @@ fn mask_state(project: &Project, number: usize) -> &'static str {
     match project.masks.get(&number) {
         None => "none",
         Some(mask) if mask.stale => "stale",
-        Some(mask) if mask.origin == MaskOrigin::Anchor => "anchor",
+        Some(mask) if mask.origin == MaskOrigin::Keyframe => "anchor",
         Some(_) => "tracked",
     }
 }

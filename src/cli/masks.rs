@@ -12,7 +12,7 @@ use super::print::print_text;
 use super::values;
 use ostra_masks::{Click, Prompt, PxBox};
 use ostra_session::{
-    Command, GroundRequest, PromptRequest, TakeRequest, TidyRequest, TraceRequest,
+    CleanRequest, Command, GroundRequest, PromptRequest, TakeRequest, TraceRequest,
 };
 
 #[derive(Debug, Args)]
@@ -232,7 +232,7 @@ pub(super) fn clean(args: &CleanArgs) -> Result<()> {
     let driver = Driver::open(&args.project)?;
     let label = label_id(driver.project()?, &args.label)?;
     let (holes_below_px, islands_below_px) = (args.holes_below, args.islands_below);
-    driver.act_and_save([Command::Tidy(TidyRequest {
+    driver.act_and_save([Command::Clean(CleanRequest {
         frame: args.frame,
         label,
         holes_below_px,

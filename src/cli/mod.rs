@@ -4,6 +4,8 @@
 //! codes.
 
 mod args;
+#[cfg(test)]
+mod book;
 mod cloud;
 mod demo;
 mod drive;

@@ -4,7 +4,7 @@ use anyhow::Result;
 
 use super::print::{print_text, print_to_stderr, printable};
 use super::stop;
-use ostra_compute::nn::{Added, CheckedFile, Fetched, Proof, Row};
+use ostra_compute::nn::{Added, CheckedFile, Fetched, Row, Verification};
 use ostra_session::{add_model, check_model, install_model, list_models};
 
 #[derive(Debug, clap::Subcommand)]
@@ -95,12 +95,12 @@ fn line(row: &Row) -> String {
     )
 }
 
-fn verification_text(proof: &Proof) -> String {
+fn verification_text(proof: &Verification) -> String {
     match proof {
-        Proof::Fits => "added; it loads, and its inputs and outputs are as expected".into(),
-        Proof::Loads => "added; it loads".into(),
-        Proof::Known => "added; it is the known file".into(),
-        Proof::None(why) => format!("added without a check: {why}"),
+        Verification::Fits => "added; it loads, and its inputs and outputs are as expected".into(),
+        Verification::Loads => "added; it loads".into(),
+        Verification::Known => "added; it is the known file".into(),
+        Verification::None(why) => format!("added without a check: {why}"),
     }
 }
 

@@ -101,10 +101,10 @@ pub(super) struct ReconstructArgs {
     /// Device for stereo.
     #[arg(long, default_value = "auto", value_name = "NAME", value_parser = values::engine::<DeviceId>())]
     pub device: DeviceId,
-    /// Longest image side for depth maps; larger images are reduced.
+    /// Longest image side for features and depth maps; larger images are reduced.
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(64..=8192))]
     pub max_side: Option<u32>,
-    /// Compute depth only on labelled pixels.
+    /// Use only labelled pixels, for features and for depth maps.
     #[arg(long)]
     pub only_labelled: bool,
     /// Feature detector.

@@ -8,10 +8,11 @@ use clap::{Args, ValueEnum};
 use super::drive::Driver;
 use super::values;
 use ostra_cloud::{LabelledMesh, voxel_faces, voxelize};
-use ostra_frames::FilmOptions;
+use ostra_frames::TurntableOptions;
 use ostra_project::export_targets::ExportTargets;
 use ostra_view::{
-    Appearance, Axes, Coloring, Model, Portrait, SceneStyle, ViewError, default_view, write_png,
+    Appearance, Axes, Coloring, Model, RenderRequest, SceneStyle, ViewError, default_view,
+    write_png,
 };
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -78,7 +79,7 @@ pub(super) fn shot(args: &ShotArgs) -> Result<()> {
     let frames = &driver.project()?.frames;
     let orbit = default_view(model.points(), frames, width as f32 / height as f32)
         .ok_or(ViewError::Empty)?;
-    let portrait = Portrait::new(model, orbit, style, height);
+    let portrait = RenderRequest::new(model, orbit, style, height);
     ExportTargets::write_files(std::slice::from_ref(&args.out), || {
         write_png(
             &args.out,
@@ -90,16 +91,16 @@ pub(super) fn shot(args: &ShotArgs) -> Result<()> {
     turntable(args, &mut driver, portrait)
 }
 
-fn turntable(args: &ShotArgs, driver: &mut Driver, portrait: Portrait) -> Result<()> {
+fn turntable(args: &ShotArgs, driver: &mut Driver, portrait: RenderRequest) -> Result<()> {
     let Some(path) = &args.turntable else {
         return Ok(());
     };
     let fps = f64::from(args.fps);
     let count = (args.seconds * fps).round().max(1.0) as usize;
     let size = args.size;
-    driver.write_film(
+    driver.write_turntable(
         path,
-        FilmOptions { size, count, fps },
+        TurntableOptions { size, count, fps },
         args.overwrite,
         move |number| {
             portrait

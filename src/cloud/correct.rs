@@ -4,7 +4,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::SceneError;
-use crate::doubt::{self, FILL_PX, Lifted};
+use crate::conflicts::{self, FILL_PX, Lifted};
 use crate::fuse::Votes;
 use crate::select::{Selection, Selector};
 use ostra_frames::{DepthMap, Frame};
@@ -36,7 +36,7 @@ enum Pixel {
 
 /// Numbers of selected and other points that a pixel is recorded to see.
 #[derive(Clone, Copy, Default)]
-struct Sightings {
+struct Observations {
     chosen: u16,
     others: u16,
 }
@@ -68,7 +68,7 @@ impl<'a> SeeingPixels<'a> {
             .points
             .iter()
             .for_each(|&point| chosen[point as usize] = true);
-        let reach = doubt::REACH as f32 * selector.spacing();
+        let reach = conflicts::REACH as f32 * selector.spacing();
         let places = || {
             selection
                 .points
@@ -126,12 +126,12 @@ impl<'a> SeeingPixels<'a> {
     }
 
     /// Returns the recorded sightings of each pixel, or `None` if no pixel sees a selected point.
-    fn recorded(&self, frame: usize, (width, height): (u32, u32)) -> Option<Vec<Sightings>> {
-        let mut recorded = vec![Sightings::default(); width as usize * height as usize];
+    fn recorded(&self, frame: usize, (width, height): (u32, u32)) -> Option<Vec<Observations>> {
+        let mut recorded = vec![Observations::default(); width as usize * height as usize];
         let mut any = false;
         for (point, x, y) in self
             .votes
-            .sightings(frame)
+            .observations(frame)
             .filter(|&(_, x, y)| x < width && y < height)
         {
             let pixel = &mut recorded[(y * width + x) as usize];
@@ -163,7 +163,7 @@ impl<'a> SeeingPixels<'a> {
     }
 }
 
-impl Sightings {
+impl Observations {
     fn pixel(self) -> Option<Pixel> {
         match (self.chosen, self.others) {
             (0, 0) => None,
@@ -176,7 +176,7 @@ impl Sightings {
 /// Returns what the nearest pixel with a recorded point sees, within a few columns and rows.
 ///
 /// Among equally near pixels the first one wins.
-fn nearest(recorded: &[Sightings], at: usize, width: u32) -> Pixel {
+fn nearest(recorded: &[Observations], at: usize, width: u32) -> Pixel {
     let (width, reach) = (width as usize, FILL_PX as usize);
     let (x, y) = (at % width, at / width);
     let columns = x.saturating_sub(reach)..=(x + reach).min(width - 1);
@@ -212,7 +212,7 @@ fn close_blind(pixels: &mut [Pixel], mask: &LabelMask) {
         let mut next = Vec::new();
         for at in front {
             let goes_on = mask.ids[at] != LabelId::NONE || step < UNLABELLED_REACH;
-            for other in beside(at, mask).filter(|_| goes_on) {
+            for other in adjacent(at, mask).filter(|_| goes_on) {
                 if known[other] == Pixel::Blind && mask.ids[other] == mask.ids[at] {
                     known[other] = known[at];
                     next.push(other);
@@ -248,7 +248,7 @@ fn holes(known: &[Pixel], mask: &LabelMask) -> Vec<bool> {
     open[0] = true;
     for at in (0..known.len()).filter(|&at| unknown.labels[at] > 0) {
         let own = unknown.labels[at];
-        let closed = beside(at, mask)
+        let closed = adjacent(at, mask)
             .filter(|&other| unknown.labels[other] == own || known[other] == Pixel::Chosen);
         open[own as usize] |= closed.count() < 4;
     }
@@ -260,7 +260,7 @@ fn holes(known: &[Pixel], mask: &LabelMask) -> Vec<bool> {
 }
 
 /// Returns the pixels to the left, to the right, above and below.
-fn beside(at: usize, mask: &LabelMask) -> impl Iterator<Item = usize> + use<> {
+fn adjacent(at: usize, mask: &LabelMask) -> impl Iterator<Item = usize> + use<> {
     let (width, height) = (mask.width as usize, mask.height as usize);
     let (x, y) = (at % width, at / width);
     let left = (x > 0).then(|| at - 1);

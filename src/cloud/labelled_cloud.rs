@@ -63,7 +63,7 @@ impl LabelledCloud {
 
     /// Returns whether a point was voted on and its label won less than a share (0–1) of the votes.
     #[must_use]
-    pub fn is_doubtful(&self, point: usize, below: f32) -> bool {
+    pub fn is_uncertain(&self, point: usize, below: f32) -> bool {
         (f32::MIN_POSITIVE..below).contains(&self.confidence[point])
     }
 

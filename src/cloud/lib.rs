@@ -8,7 +8,7 @@
 //!
 //! The other modules work on the results:
 //!
-//! - [`doubt`] measures the conflict between a frame's mask and the vote.
+//! - [`conflicts`] measures the conflict between a frame's mask and the vote.
 //! - [`select`] selects points in 3-D, and [`correct`] finds the pixels of a frame that see them.
 //! - [`instances`] splits a label into connected objects and finds attached unlabelled fragments.
 //! - [`measure`] measures traits of labels and instances.
@@ -49,8 +49,8 @@
 //! # }
 //! ```
 
+pub mod conflicts;
 pub mod correct;
-pub mod doubt;
 mod error;
 pub mod formats;
 pub mod fuse;

@@ -192,7 +192,7 @@ mod tests {
             assert!(complete(&whole, format), "{format:?}");
             assert!(
                 complete(
-                    &[whole.as_slice(), b"a film of two seconds"].concat(),
+                    &[whole.as_slice(), b"a video of two seconds"].concat(),
                     format
                 ),
                 "{format:?} and more"

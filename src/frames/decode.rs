@@ -34,7 +34,7 @@ const WORKING_BYTES_PER_PIXEL: u64 = 16;
 pub(super) type CheckSize<'a> = &'a dyn Fn((u32, u32)) -> Result<(), FrameError>;
 
 /// Decodes an image file and rotates it upright; transparent pixels become grey.
-pub(super) fn decode_picture(
+pub(super) fn decode_image(
     path: &Path,
     orientation: Orientation,
     check: CheckSize<'_>,

@@ -18,7 +18,8 @@ pub struct DepthCamera {
     /// Intrinsics for the depth as shown (rotated upright).
     pub intrinsics: Camera,
     /// Transform from this camera's axes to those of the image's camera, in world units.
-    pub picture_from_depth: Pose,
+    #[serde(rename = "picture_from_depth")] // the name in project files of format 1
+    pub image_from_depth: Pose,
     /// Whether it was estimated together with the images' camera by comparing images with depth.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub estimated: bool,
@@ -30,12 +31,12 @@ impl DepthCamera {
     /// Surfaces between neighbouring pixels are drawn as triangles, and nearer ones hide farther
     /// ones. Parts that only one of both cameras sees stay unknown.
     #[must_use]
-    pub fn seen_by(&self, depth: &DepthMap, picture: &Camera) -> DepthMap {
+    pub fn seen_by(&self, depth: &DepthMap, image: &Camera) -> DepthMap {
         let width = depth.width as usize;
         let corners: Vec<Corner> = (0..depth.depths.len())
-            .map(|pixel| self.corner(depth, pixel, picture))
+            .map(|pixel| self.corner(depth, pixel, image))
             .collect();
-        let mut seen = Canvas::new(picture);
+        let mut seen = Canvas::new(image);
         let mut drawn = vec![false; corners.len()];
         for row in 1..depth.height as usize {
             for right in 1..width {
@@ -58,14 +59,14 @@ impl DepthCamera {
         seen.finish()
     }
 
-    fn corner(&self, depth: &DepthMap, pixel: usize, picture: &Camera) -> Corner {
+    fn corner(&self, depth: &DepthMap, pixel: usize, image: &Camera) -> Corner {
         let (x, y) = (pixel % depth.width as usize, pixel / depth.width as usize);
         let at_px = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
         let along = f64::from(depth.depths[pixel]);
         let point = self
-            .picture_from_depth
+            .image_from_depth
             .transform(self.intrinsics.unproject(at_px).extend(1.0) * along);
-        let seen = (along > 0.0).then(|| picture.project(point)).flatten();
+        let seen = (along > 0.0).then(|| image.project(point)).flatten();
         seen.map_or(Corner::UNKNOWN, |at_px| Corner {
             at_px: at_px.as_vec2(),
             depth: point.z as f32,
@@ -179,18 +180,18 @@ mod tests {
 
     fn depth_camera() -> DepthCamera {
         let rotation = DQuat::from_rotation_z(0.01);
-        let picture_from_depth = Pose {
+        let image_from_depth = Pose {
             rotation,
             translation: DVec3::new(-0.025, 0.002, 0.003),
         };
         DepthCamera {
             intrinsics: Camera::pinhole(160, 120, 146.0, 146.0, 80.0, 60.0),
-            picture_from_depth,
+            image_from_depth,
             estimated: false,
         }
     }
 
-    fn picture() -> Camera {
+    fn image() -> Camera {
         Camera::pinhole(320, 240, 262.0, 264.0, 161.0, 118.0)
     }
 
@@ -215,13 +216,13 @@ mod tests {
     fn slanted_wall_is_seen_at_its_position() {
         let camera = depth_camera();
         let (normal, offset) = (DVec3::new(0.3, -0.2, 1.0).normalize(), 1.5);
-        let seen = camera.seen_by(&plane(&camera.intrinsics, normal, offset), &picture());
+        let seen = camera.seen_by(&plane(&camera.intrinsics, normal, offset), &image());
         // The same plane in the image's axes.
-        let turned = camera.picture_from_depth.rotation * normal;
+        let turned = camera.image_from_depth.rotation * normal;
         let exact = plane(
-            &picture(),
+            &image(),
             turned,
-            offset + turned.dot(camera.picture_from_depth.translation),
+            offset + turned.dot(camera.image_from_depth.translation),
         );
         let mut known = 0;
         for (seen, exact) in seen
@@ -235,7 +236,7 @@ mod tests {
         }
         assert!(
             known > 320 * 240 * 3 / 4,
-            "{known} pixels known: the picture sees a tenth farther to each side"
+            "{known} pixels known: the image sees a tenth farther to each side"
         );
         let middle = &seen.depths[60 * 320..180 * 320];
         let inner = middle.chunks(320).flat_map(|row| &row[60..260]);
@@ -248,7 +249,7 @@ mod tests {
     #[test]
     fn near_surface_hides_far_one_and_the_rest_stays_unknown() {
         let camera = DepthCamera {
-            picture_from_depth: Pose {
+            image_from_depth: Pose {
                 translation: DVec3::X * -0.1,
                 ..Pose::IDENTITY
             },
@@ -261,8 +262,8 @@ mod tests {
                 *depth = 1.0;
             }
         }
-        let picture = camera.intrinsics;
-        let row = &camera.seen_by(&depth, &picture).depths[60 * 160..61 * 160];
+        let image = camera.intrinsics;
+        let row = &camera.seen_by(&depth, &image).depths[60 * 160..61 * 160];
         // The wall moves by 7.3 pixels to the left, the bar by 14.6; depth behind its right side is
         // unknown.
         let is = |columns: std::ops::Range<usize>, wanted: f32| {
@@ -279,7 +280,7 @@ mod tests {
         let intrinsics = depth_camera().intrinsics;
         let camera = DepthCamera {
             intrinsics,
-            picture_from_depth: Pose::IDENTITY,
+            image_from_depth: Pose::IDENTITY,
             estimated: false,
         };
         let mut depth = plane(&intrinsics, DVec3::Z, 2.0);

@@ -1,6 +1,6 @@
 use exif::{Exif, In, Reader, Tag, Value};
 
-use super::{Frame, PictureSource};
+use super::{Frame, ImageSource};
 
 /// Diagonal in millimetres of the 36 × 24 mm image that "35 mm" focal lengths refer to.
 const DIAGONAL_35MM: f64 = 43.266_615_305_567_87;
@@ -10,7 +10,7 @@ const DIAGONAL_35MM: f64 = 43.266_615_305_567_87;
 /// `None` if there is none, for videos and for files that cannot be read.
 #[must_use]
 pub fn exif_focal_px(frame: &Frame) -> Option<f64> {
-    let PictureSource::File { path, .. } = &frame.picture else {
+    let ImageSource::File { path, .. } = &frame.image else {
         return None;
     };
     let mut reader = std::io::BufReader::new(ostra_core::disk::open_regular(path).ok()?);
@@ -18,7 +18,7 @@ pub fn exif_focal_px(frame: &Frame) -> Option<f64> {
     focal_px(&exif, f64::from(frame.width), f64::from(frame.height))
 }
 
-/// Returns the focal length in pixels from that for 35 mm film, else from the sensor's resolution.
+/// Returns the focal length in pixels from the 35 mm equivalent focal length, else from the sensor's resolution.
 fn focal_px(exif: &Exif, width: f64, height: f64) -> Option<f64> {
     let equivalent =
         number(exif, Tag::FocalLengthIn35mmFilm).map(|mm| mm * width.hypot(height) / DIAGONAL_35MM);
@@ -96,8 +96,8 @@ mod tests {
 
     #[test]
     fn focal_length_from_the_35_mm_equivalent() {
-        let told = exif(&[(0xa405, Entry::Short(26))]);
-        let focal = focal_px(&told, 4032.0, 3024.0).unwrap();
+        let reported = exif(&[(0xa405, Entry::Short(26))]);
+        let focal = focal_px(&reported, 4032.0, 3024.0).unwrap();
         assert!((focal - 3028.7).abs() < 0.1, "{focal}");
         assert_eq!(
             focal_px(&exif(&[(0xa405, Entry::Short(0))]), 4032.0, 3024.0),
@@ -108,13 +108,13 @@ mod tests {
 
     #[test]
     fn focal_length_from_the_sensor_resolution() {
-        let told = exif(&[
+        let reported = exif(&[
             (0x920a, Entry::Rational(50, 1)),
             (0xa002, Entry::Short(4000)),
             (0xa20e, Entry::Rational(400_000, 100)),
             (0xa210, Entry::Short(2)),
         ]);
-        let focal = focal_px(&told, 2000.0, 1000.0).unwrap();
+        let focal = focal_px(&reported, 2000.0, 1000.0).unwrap();
         assert!((focal - 50.0 * 4000.0 / 25.4 * 0.5).abs() < 1e-9, "{focal}");
     }
 

@@ -20,7 +20,7 @@ impl Default for Orientation {
 /// Source of a frame's image. Sources are referenced, never copied or changed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum PictureSource {
+pub enum ImageSource {
     /// An image file.
     File {
         /// Absolute path.
@@ -30,7 +30,8 @@ pub enum PictureSource {
         orientation: Orientation,
     },
     /// One image of a video, decoded on demand.
-    Film {
+    #[serde(rename = "film")] // the name in project files of format 1
+    Video {
         /// Absolute path of the video.
         path: PathBuf,
         /// Index of the image in the video, counted from 0.
@@ -40,13 +41,13 @@ pub enum PictureSource {
     },
 }
 
-impl PictureSource {
+impl ImageSource {
     /// Returns the path of the image file or the video.
     #[must_use]
     #[inline]
     pub fn path(&self) -> &Path {
         match self {
-            Self::File { path, .. } | Self::Film { path, .. } => path,
+            Self::File { path, .. } | Self::Video { path, .. } => path,
         }
     }
 
@@ -56,13 +57,13 @@ impl PictureSource {
     pub(super) fn identity(&self) -> (PathBuf, u64) {
         match self {
             Self::File { path, .. } => (path.clone(), 0),
-            Self::Film { path, index, .. } => (path.clone(), *index),
+            Self::Video { path, index, .. } => (path.clone(), *index),
         }
     }
 
     pub(super) fn path_mut(&mut self) -> &mut PathBuf {
         match self {
-            Self::File { path, .. } | Self::Film { path, .. } => path,
+            Self::File { path, .. } | Self::Video { path, .. } => path,
         }
     }
 }
@@ -92,8 +93,8 @@ pub enum DepthSource {
     },
     /// Depth of a reconstruction with its own camera, stored in the project.
     ///
-    /// See [`super::MadeDepth`].
-    Made {
+    /// See [`super::EstimatedDepth`].
+    Estimated {
         /// Path relative to the project folder, the home of [`super::FrameStore`].
         made: PathBuf,
         /// World units per unit of the map. Differs from 1 if the scene was scaled since.
@@ -108,14 +109,14 @@ impl DepthSource {
     pub fn sensor_path(&self) -> Option<&Path> {
         match self {
             Self::Sensor { path, .. } => Some(path),
-            Self::Made { .. } => None,
+            Self::Estimated { .. } => None,
         }
     }
 
     pub(super) fn sensor_path_mut(&mut self) -> Option<&mut PathBuf> {
         match self {
             Self::Sensor { path, .. } => Some(path),
-            Self::Made { .. } => None,
+            Self::Estimated { .. } => None,
         }
     }
 }
@@ -155,14 +156,15 @@ impl FrameCamera {
 pub struct Frame {
     /// Name, unique in the project: the path below the given folder, separated by `/`.
     ///
-    /// For a video it is `FILM/000123`.
+    /// For a video it is `VIDEO/000123`.
     pub name: String,
     /// Width of the image in pixels as shown (rotated upright).
     pub width: u32,
     /// Height of the image in pixels as shown.
     pub height: u32,
     /// Source of the image.
-    pub picture: PictureSource,
+    #[serde(rename = "picture")] // the name in project files of format 1
+    pub image: ImageSource,
     /// Source of the depth, if there is any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth: Option<DepthSource>,
@@ -177,7 +179,8 @@ struct StoredFrame {
     name: String,
     width: u32,
     height: u32,
-    picture: PictureSource,
+    #[serde(rename = "picture")]
+    image: ImageSource,
     #[serde(default)]
     depth: Option<DepthSource>,
     #[serde(default)]
@@ -195,7 +198,7 @@ impl TryFrom<StoredFrame> for Frame {
             name,
             width,
             height,
-            picture,
+            image,
             depth,
             camera,
         } = stored;
@@ -219,7 +222,7 @@ impl TryFrom<StoredFrame> for Frame {
             name,
             width,
             height,
-            picture,
+            image,
             depth,
             camera,
         })

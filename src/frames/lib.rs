@@ -5,7 +5,7 @@
 //! orientation of an image file, or the path, index and time of a video frame, plus its depth and
 //! camera if known. [`FrameStore`] decodes [`Image`]s and [`DepthMap`]s on demand, keeps them in a
 //! cache bounded in bytes and prefetches in the background. Videos are decoded and written by the
-//! system's ffmpeg. [`MadeDepth`] is the depth map of a reconstruction, and [`DepthCamera`] a depth
+//! system's ffmpeg. [`EstimatedDepth`] is the depth map of a reconstruction, and [`DepthCamera`] a depth
 //! sensor that is not registered to the colour camera. [`FrameSet`] is a set of frame numbers. The
 //! module [`cameras`] reads given cameras in many formats, matches them to frames, and writes
 //! COLMAP models.
@@ -49,29 +49,29 @@ mod complete;
 mod decode;
 mod depth_camera;
 mod error;
+mod estimated_depth;
 mod exif;
-mod film;
 mod frame;
 mod frame_set;
 mod header;
 mod image;
 mod loader;
-mod made_depth;
-mod names;
+mod name_parts;
 mod open;
 mod relocate;
 mod store;
 mod tiff_samples;
+mod video;
 
 pub use depth_camera::DepthCamera;
 pub use error::FrameError;
+pub use estimated_depth::EstimatedDepth;
 pub use exif::exif_focal_px;
-pub use film::{FilmOptions, take_video_damage, write_film};
-pub use frame::{DepthSource, Frame, FrameCamera, Orientation, PictureSource};
+pub use frame::{DepthSource, Frame, FrameCamera, ImageSource, Orientation};
 pub use frame_set::FrameSet;
 pub use image::{DepthMap, Image};
-pub use made_depth::MadeDepth;
-pub use names::{file_of, without_ending};
+pub use name_parts::{file_of, without_ending};
 pub use open::{FrameFolder, OpenRequest, Opened, natural_order, open, open_more};
 pub use relocate::{check_source, missing_sources, sources, sources_mut};
 pub use store::FrameStore;
+pub use video::{TurntableOptions, take_video_damage, write_turntable};

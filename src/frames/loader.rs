@@ -1,10 +1,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::decode::{decode_depth, decode_picture, opaque_pixels};
-use super::film::Films;
+use super::decode::{decode_depth, decode_image, opaque_pixels};
+use super::video::Videos;
 use super::{
-    DepthCamera, DepthMap, DepthSource, Frame, FrameError, Image, MadeDepth, PictureSource,
+    DepthCamera, DepthMap, DepthSource, EstimatedDepth, Frame, FrameError, Image, ImageSource,
 };
 use ostra_core::cache::{Cache, Weigh};
 
@@ -12,7 +12,7 @@ use ostra_core::cache::{Cache, Weigh};
 #[derive(Debug)]
 pub(super) struct Loader {
     pixels: Cache<Key, Pixels>,
-    films: Films,
+    videos: Videos,
     /// Folder that contains the reconstructed depth maps.
     home: PathBuf,
 }
@@ -24,7 +24,7 @@ pub(super) enum Key {
         path: PathBuf,
         orientation: u8,
     },
-    Film {
+    Video {
         path: PathBuf,
         index: u64,
     },
@@ -64,13 +64,13 @@ impl Weigh for Pixels {
 
 impl Key {
     /// Returns the key of a frame's image.
-    pub fn of_picture(source: &PictureSource) -> Self {
+    pub fn of_image(source: &ImageSource) -> Self {
         match source {
-            PictureSource::File { path, orientation } => Self::File {
+            ImageSource::File { path, orientation } => Self::File {
                 path: path.clone(),
                 orientation: orientation.0,
             },
-            PictureSource::Film { path, index, .. } => Self::Film {
+            ImageSource::Video { path, index, .. } => Self::Video {
                 path: path.clone(),
                 index: *index,
             },
@@ -95,7 +95,7 @@ impl Key {
                     lenses: lenses.unwrap_or_default(),
                 }
             }
-            DepthSource::Made { made, scale } => Self::Made {
+            DepthSource::Estimated { made, scale } => Self::Made {
                 path: made.clone(),
                 scale_bits: scale.to_bits(),
                 lens: lens(frame),
@@ -116,7 +116,7 @@ impl Loader {
     pub fn new(budget_bytes: usize, home: PathBuf) -> Self {
         Self {
             pixels: Cache::new(budget_bytes),
-            films: Films::default(),
+            videos: Videos::default(),
             home,
         }
     }
@@ -127,14 +127,14 @@ impl Loader {
 
     pub fn image(&self, frame: &Frame) -> Result<Arc<Image>, FrameError> {
         let load = || self.decode_image(frame).map(Pixels::Image);
-        match self.pixels.get(&Key::of_picture(&frame.picture), load)? {
+        match self.pixels.get(&Key::of_image(&frame.image), load)? {
             Pixels::Image(image) => checked(frame, image),
             Pixels::Depth(_) => self.decode_image(frame),
         }
     }
 
     pub fn cached_image(&self, frame: &Frame) -> Option<Arc<Image>> {
-        match self.pixels.peek(&Key::of_picture(&frame.picture))? {
+        match self.pixels.peek(&Key::of_image(&frame.image))? {
             Pixels::Image(image) => checked(frame, image).ok(),
             Pixels::Depth(_) => None,
         }
@@ -151,16 +151,16 @@ impl Loader {
             Pixels::Depth(depth) => depth,
             Pixels::Image(_) => decode()?,
         };
-        let path = source.sensor_path().unwrap_or(frame.picture.path());
+        let path = source.sensor_path().unwrap_or(frame.image.path());
         check_size(frame, path, (depth.width, depth.height))?;
         Ok(Some(depth))
     }
 
     /// Returns the reconstructed depth map of a frame, without caching it.
-    pub fn made_depth(&self, frame: &Frame) -> Result<Option<MadeDepth>, FrameError> {
+    pub fn estimated_depth(&self, frame: &Frame) -> Result<Option<EstimatedDepth>, FrameError> {
         match &frame.depth {
-            Some(DepthSource::Made { made, .. }) => {
-                MadeDepth::read(&self.home.join(made)).map(Some)
+            Some(DepthSource::Estimated { made, .. }) => {
+                EstimatedDepth::read(&self.home.join(made)).map(Some)
             }
             _ => Ok(None),
         }
@@ -184,29 +184,29 @@ impl Loader {
                     None => Ok(measured),
                 }
             }
-            DepthSource::Made { made, scale } => {
-                Ok(MadeDepth::read(&self.home.join(made))?.seen_by(frame, *scale))
+            DepthSource::Estimated { made, scale } => {
+                Ok(EstimatedDepth::read(&self.home.join(made))?.seen_by(frame, *scale))
             }
         }
     }
 
     /// Returns which pixels of the frame's image are opaque; `None` if all are. Not cached.
     pub fn opaque_pixels(&self, frame: &Frame) -> Result<Option<Vec<bool>>, FrameError> {
-        match &frame.picture {
-            PictureSource::File { path, orientation } => {
+        match &frame.image {
+            ImageSource::File { path, orientation } => {
                 opaque_pixels(path, *orientation, &|size| check_size(frame, path, size))
             }
-            PictureSource::Film { .. } => Ok(None),
+            ImageSource::Video { .. } => Ok(None),
         }
     }
 
     /// Decodes the image without caching it.
     pub fn decode_image(&self, frame: &Frame) -> Result<Arc<Image>, FrameError> {
-        let image = match &frame.picture {
-            PictureSource::File { path, orientation } => {
-                decode_picture(path, *orientation, &|size| check_size(frame, path, size))?
+        let image = match &frame.image {
+            ImageSource::File { path, orientation } => {
+                decode_image(path, *orientation, &|size| check_size(frame, path, size))?
             }
-            PictureSource::Film {
+            ImageSource::Video {
                 path,
                 index,
                 time_s,
@@ -214,8 +214,8 @@ impl Loader {
                 if !path.exists() {
                     return Err(FrameError::Missing { path: path.clone() });
                 }
-                self.films
-                    .read(path, *index, *time_s, picture_bytes(frame))?
+                self.videos
+                    .read(path, *index, *time_s, image_bytes(frame))?
             }
         };
         checked(frame, Arc::new(image))
@@ -251,17 +251,17 @@ fn through_lens(
         path: path.into(),
         what,
     };
-    let picture = frame.camera.ok_or_else(|| {
+    let image = frame.camera.ok_or_else(|| {
         let name = &frame.name;
         invalid(format!(
-            "its own camera is known but not that of picture {name}; give --intrinsics or --cameras"
+            "the depth camera is known but not the camera of image {name}; give --intrinsics or --cameras"
         ))
     })?;
-    Ok(by.seen_by(measured, &picture.intrinsics))
+    Ok(by.seen_by(measured, &image.intrinsics))
 }
 
 /// Returns the bytes of a frame's decoded image.
-pub(super) fn picture_bytes(frame: &Frame) -> usize {
+pub(super) fn image_bytes(frame: &Frame) -> usize {
     frame.width as usize * frame.height as usize * size_of::<[u8; 3]>()
 }
 
@@ -273,7 +273,7 @@ pub(super) fn depth_bytes(frame: &Frame) -> usize {
 }
 
 fn checked(frame: &Frame, image: Arc<Image>) -> Result<Arc<Image>, FrameError> {
-    check_size(frame, frame.picture.path(), (image.width, image.height))?;
+    check_size(frame, frame.image.path(), (image.width, image.height))?;
     Ok(image)
 }
 
@@ -283,7 +283,7 @@ fn check_size(frame: &Frame, path: &Path, (width, height): (u32, u32)) -> Result
     }
     let what = format!(
         "it is {width} × {height} pixels now but was {} × {} when frame {} was opened; \
-         put the earlier file back or open the frames anew",
+         put the earlier file back or open the frames again",
         frame.width, frame.height, frame.name
     );
     Err(FrameError::Invalid {

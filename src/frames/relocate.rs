@@ -1,7 +1,7 @@
 use std::path::{Path, PathBuf};
 
 use super::header::read_header;
-use super::{DepthSource, Frame, FrameError, Orientation, PictureSource};
+use super::{DepthSource, Frame, FrameError, ImageSource, Orientation};
 
 /// Returns the missing source files, each once, in the order of the frames.
 #[must_use]
@@ -19,15 +19,13 @@ pub fn missing_sources(frames: &[Frame]) -> Vec<&Path> {
 /// Returns the source files of a frame: its image or video, then the image of its sensor's depth.
 pub fn sources(frame: &Frame) -> impl Iterator<Item = &Path> {
     let depth = frame.depth.as_ref().and_then(DepthSource::sensor_path);
-    [Some(frame.picture.path()), depth].into_iter().flatten()
+    [Some(frame.image.path()), depth].into_iter().flatten()
 }
 
 /// Returns the [`sources`] as mutable paths.
 pub fn sources_mut(frame: &mut Frame) -> impl Iterator<Item = &mut PathBuf> {
     let depth = frame.depth.as_mut().and_then(DepthSource::sensor_path_mut);
-    [Some(frame.picture.path_mut()), depth]
-        .into_iter()
-        .flatten()
+    [Some(frame.image.path_mut()), depth].into_iter().flatten()
 }
 
 /// Checks that a file can be the `place`th of a frame's [`sources`]; only its header is read.
@@ -71,7 +69,7 @@ pub fn check_source(frame: &Frame, place: usize, path: &Path) -> Result<(), Fram
 
 /// Returns the rotation between a stored image and its known size; `None` for a video.
 fn source_orientation(frame: &Frame, place: usize) -> Option<Orientation> {
-    match (&frame.depth, &frame.picture) {
+    match (&frame.depth, &frame.image) {
         (
             Some(DepthSource::Sensor {
                 camera: Some(_), ..
@@ -79,7 +77,7 @@ fn source_orientation(frame: &Frame, place: usize) -> Option<Orientation> {
             _,
         ) if place > 0 => Some(Orientation::default()),
         (Some(DepthSource::Sensor { orientation, .. }), _) if place > 0 => Some(*orientation),
-        (_, PictureSource::File { orientation, .. }) => Some(*orientation),
-        (_, PictureSource::Film { .. }) => None,
+        (_, ImageSource::File { orientation, .. }) => Some(*orientation),
+        (_, ImageSource::Video { .. }) => None,
     }
 }

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::image::shrink;
-use super::loader::{Key, Loader, depth_bytes, picture_bytes};
-use super::{DepthMap, Frame, FrameError, Image, MadeDepth, PictureSource};
+use super::loader::{Key, Loader, depth_bytes, image_bytes};
+use super::{DepthMap, EstimatedDepth, Frame, FrameError, Image, ImageSource};
 use ostra_core::cache::Cache;
 use ostra_core::job::{Pool, Progress, Stopped};
 
@@ -99,8 +99,8 @@ impl FrameStore {
     /// # Errors
     ///
     /// As [`Self::image`].
-    pub fn made_depth(&self, frame: &Frame) -> Result<Option<MadeDepth>, FrameError> {
-        self.loader.made_depth(frame)
+    pub fn estimated_depth(&self, frame: &Frame) -> Result<Option<EstimatedDepth>, FrameError> {
+        self.loader.estimated_depth(frame)
     }
 
     /// Decodes images and depth in the background, in order, within half the budget.
@@ -110,11 +110,11 @@ impl FrameStore {
     pub fn prefetch(&self, frames: &[Frame]) {
         let mut bytes = 0;
         let fitting = frames.iter().take_while(|frame| {
-            bytes += picture_bytes(frame) + depth_bytes(frame);
+            bytes += image_bytes(frame) + depth_bytes(frame);
             bytes <= self.budget_bytes / 2
         });
         let fitting: Vec<Frame> = fitting.cloned().collect();
-        let tasks = fitting.chunk_by(in_one_film).map(|frames| {
+        let tasks = fitting.chunk_by(in_one_video).map(|frames| {
             let (loader, frames) = (Arc::clone(&self.loader), frames.to_vec());
             move |progress: &Progress| {
                 let _ = each(&frames, progress, |frame| {
@@ -140,14 +140,14 @@ impl FrameStore {
     #[must_use]
     pub fn cached_thumbnail(&self, frame: &Frame, max_side: u32) -> Option<Arc<Image>> {
         self.thumbnails
-            .peek(&(Key::of_picture(&frame.picture), max_side))
+            .peek(&(Key::of_image(&frame.image), max_side))
     }
 
     /// Creates thumbnails in the background, in order.
     ///
     /// A new call discards the unfinished work of earlier ones, as in [`Self::prefetch`].
     pub fn prefetch_thumbnails(&self, frames: &[Frame], max_side: u32) {
-        let tasks = frames.chunk_by(in_one_film).map(|frames| {
+        let tasks = frames.chunk_by(in_one_video).map(|frames| {
             let (loader, thumbnails, frames) = (
                 Arc::clone(&self.loader),
                 Arc::clone(&self.thumbnails),
@@ -172,7 +172,7 @@ fn thumbnail(
     frame: &Frame,
     max_side: u32,
 ) -> Result<Arc<Image>, FrameError> {
-    thumbnails.get(&(Key::of_picture(&frame.picture), max_side), || {
+    thumbnails.get(&(Key::of_image(&frame.image), max_side), || {
         let image = loader
             .cached_image(frame)
             .map_or_else(|| loader.decode_image(frame), Ok)?;
@@ -183,9 +183,9 @@ fn thumbnail(
 /// Returns whether both frames are images of one video.
 ///
 /// One thread decodes these in order, without seeking.
-fn in_one_film(a: &Frame, b: &Frame) -> bool {
-    match (&a.picture, &b.picture) {
-        (PictureSource::Film { path: a, .. }, PictureSource::Film { path: b, .. }) => a == b,
+fn in_one_video(a: &Frame, b: &Frame) -> bool {
+    match (&a.image, &b.image) {
+        (ImageSource::Video { path: a, .. }, ImageSource::Video { path: b, .. }) => a == b,
         _ => false,
     }
 }

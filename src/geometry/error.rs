@@ -8,7 +8,7 @@ pub enum GeometryError {
         what: String,
     },
     /// A 3×3 matrix is too far from a rotation to be corrected.
-    #[error("the matrix is no rotation (off by {error:.3}); check the file's convention")]
+    #[error("the matrix is not a rotation (off by {error:.3}); check the file's convention")]
     NotARotation {
         /// Frobenius distance to the nearest rotation.
         error: f64,
@@ -23,7 +23,7 @@ pub enum GeometryError {
     },
     /// An image would have to be mirrored to be seen upright; a pose can only rotate.
     #[error(
-        "EXIF orientation {orientation} mirrors the picture, which no camera pose can; save the picture upright"
+        "EXIF orientation {orientation} mirrors the image, which a camera pose cannot describe; save the image upright"
     )]
     Mirrored {
         /// EXIF orientation, 1 to 8 if valid.

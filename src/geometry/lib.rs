@@ -5,7 +5,7 @@
 //! [`estimate_absolute_pose`] the pose of a camera that sees known points, and [`triangulate()`] a
 //! point from several views. [`mod@bundle`] refines cameras, poses and points together, and
 //! [`solve_pose_graph`] refines poses from relative measurements. [`Similarity::align`] aligns
-//! point sets, and [`TrajectoryError`] compares trajectories. [`solvers`] has the minimal solvers,
+//! point sets, and [`TrajectoryMetrics`] compares trajectories. [`solvers`] has the minimal solvers,
 //! and [`ransac`] the loop that uses them.
 //!
 //! Camera space has OpenCV axes: x right, y down, z forward. In pixel space, the centre of the
@@ -17,7 +17,7 @@
 //!
 //! ```rust
 //! use glam::DVec3;
-//! use ostra_geometry::{Camera, Pose, PosedCamera, Sighting, triangulate};
+//! use ostra_geometry::{Camera, Pose, PosedCamera, RayObservation, triangulate};
 //!
 //! let camera = Camera::pinhole(640, 480, 500.0, 500.0, 320.0, 240.0);
 //! let left = Pose::IDENTITY;
@@ -31,7 +31,7 @@
 //! let views = [&left, &right].map(|camera_from_world| {
 //!     let seen = PosedCamera::new(&camera, camera_from_world).project(point);
 //!     let at_px = seen.expect("the point is in front of both cameras").at_px;
-//!     Sighting {
+//!     RayObservation {
 //!         camera: &camera,
 //!         camera_from_world,
 //!         at_px,
@@ -74,9 +74,10 @@ pub use error::GeometryError;
 pub use pose::Pose;
 pub use pose_graph::{PoseEdge, PoseGraphOptions, SolvedPoseGraph, solve_pose_graph};
 pub use posed_camera::{Isometry, Pinhole, PosedCamera, Projection};
-pub use trajectory::{ErrorStatistics, TrajectoryError};
+pub use trajectory::{ErrorStatistics, TrajectoryMetrics};
 pub use triangulate::{
-    Sighting, Triangulated, TriangulationOptions, largest_angle, triangulate, triangulate_robust,
+    RayObservation, Triangulated, TriangulationOptions, largest_angle, triangulate,
+    triangulate_robust,
 };
-pub use turn::Turn;
+pub use turn::QuarterRotation;
 pub use two_view::{TwoView, TwoViewKind, TwoViewOptions, estimate_two_view};

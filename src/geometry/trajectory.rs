@@ -38,7 +38,7 @@ impl ErrorStatistics {
 
 /// Error of a list of cameras relative to the ground truth.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct TrajectoryError {
+pub struct TrajectoryMetrics {
     /// Number of cameras compared.
     pub count: usize,
     /// Alignment applied before the comparison, `truth_world_from_result_world`.
@@ -55,7 +55,7 @@ pub struct TrajectoryError {
     pub extent: f64,
 }
 
-impl TrajectoryError {
+impl TrajectoryMetrics {
     /// Compares `result[i]` with `truth[i]` (both `camera_from_world`) after aligning the centres.
     ///
     /// # Errors
@@ -220,16 +220,16 @@ mod tests {
             .iter()
             .map(|pose| world.transform_camera(pose))
             .collect();
-        let error = TrajectoryError::between(&result, &truth, Alignment::Sim3).unwrap();
+        let error = TrajectoryMetrics::between(&result, &truth, Alignment::Sim3).unwrap();
         assert!(
             error.centre.max < 1e-9 && error.rotation_deg.max < 1e-6,
             "{error:?}"
         );
         assert!((error.alignment.scale - 4.0).abs() < 1e-9);
-        let rigid = TrajectoryError::between(&result, &truth, Alignment::Se3).unwrap();
+        let rigid = TrajectoryMetrics::between(&result, &truth, Alignment::Se3).unwrap();
         assert!(rigid.centre.rmse > 0.1 && rigid.rotation_deg.max < 1e-6);
         assert!(
-            TrajectoryError::between(&result, &truth, Alignment::None)
+            TrajectoryMetrics::between(&result, &truth, Alignment::None)
                 .unwrap()
                 .rotation_deg
                 .mean
@@ -246,7 +246,7 @@ mod tests {
             translation: DVec3::ZERO,
         };
         result[3] = turn.compose(&result[3]);
-        let error = TrajectoryError::between(&result, &truth, Alignment::None).unwrap();
+        let error = TrajectoryMetrics::between(&result, &truth, Alignment::None).unwrap();
         assert!((error.rotation_deg.max - 2.0).abs() < 1e-9 && error.rotation_deg.median < 1e-9);
         assert!((error.rotation_deg.mean - 2.0 / 12.0).abs() < 1e-9 && error.centre.max < 1e-12);
     }
@@ -276,13 +276,16 @@ mod tests {
             .map(|pose| world.transform_camera(pose))
             .collect();
         assert!(
-            TrajectoryError::between(&result, &truth, Alignment::Sim3).is_err(),
+            TrajectoryMetrics::between(&result, &truth, Alignment::Sim3).is_err(),
             "a line"
         );
         for count in [2, 12] {
-            let error =
-                TrajectoryError::between_poses(&result[..count], &truth[..count], Alignment::Sim3)
-                    .unwrap();
+            let error = TrajectoryMetrics::between_poses(
+                &result[..count],
+                &truth[..count],
+                Alignment::Sim3,
+            )
+            .unwrap();
             assert!(
                 error.centre.max < 1e-9 && error.rotation_deg.max < 1e-6,
                 "{error:?}"
@@ -290,7 +293,7 @@ mod tests {
             assert!((error.alignment.scale - 0.5).abs() < 1e-9);
         }
         let in_one_place = vec![Pose::IDENTITY; 5];
-        let error = TrajectoryError::between_poses(&in_one_place, &in_one_place, Alignment::Se3)
+        let error = TrajectoryMetrics::between_poses(&in_one_place, &in_one_place, Alignment::Se3)
             .unwrap_err();
         assert!(
             matches!(error, GeometryError::TooFewPoints { count: 5, .. }),
@@ -309,7 +312,7 @@ mod tests {
             }
         };
         let result: Vec<Pose> = truth.iter().map(turned).collect();
-        let error = TrajectoryError::between_poses(&result, &truth, Alignment::Se3).unwrap();
+        let error = TrajectoryMetrics::between_poses(&result, &truth, Alignment::Se3).unwrap();
         assert!(
             (error.rotation_deg.median.to_radians() - angle / 2.0).abs() < 1e-5,
             "{error:?}"
@@ -331,12 +334,12 @@ mod tests {
             }
         };
         let result: Vec<Pose> = truth.iter().enumerate().map(turned).collect();
-        let error = TrajectoryError::between(&result, &truth, Alignment::Se3).unwrap();
+        let error = TrajectoryMetrics::between(&result, &truth, Alignment::Se3).unwrap();
         assert!(error.rotation_deg.mean > 10.0, "{error:?}");
         let [median, max] =
             [error.own_rotation_deg.median, error.own_rotation_deg.max].map(f64::to_radians);
         assert!(median < 0.002 && (0.018..0.022).contains(&max), "{error:?}");
-        let none = TrajectoryError::between(&[], &[], Alignment::None).unwrap();
+        let none = TrajectoryMetrics::between(&[], &[], Alignment::None).unwrap();
         assert_eq!(none.own_rotation_deg, ErrorStatistics::default());
     }
 

@@ -9,7 +9,7 @@ use crate::{Camera, Pose};
 
 /// Observation of a point by one camera.
 #[derive(Debug, Clone, Copy)]
-pub struct Sighting<'a> {
+pub struct RayObservation<'a> {
     /// Intrinsics of the camera.
     pub camera: &'a Camera,
     /// Pose of the camera.
@@ -20,7 +20,7 @@ pub struct Sighting<'a> {
     pub at_plane: DVec2,
 }
 
-impl Sighting<'_> {
+impl RayObservation<'_> {
     /// Returns the direction of the ray in world space, length 1.
     pub(super) fn direction(&self) -> DVec3 {
         self.camera_from_world.rotation.conjugate() * self.at_plane.extend(1.0).normalize()
@@ -57,7 +57,7 @@ const PARALLEL: f64 = 1e-10;
 /// units of the focal length. Returns `None` for fewer than two views, for parallel rays, and if
 /// the point lies behind a camera.
 #[must_use]
-pub fn triangulate(views: &[Sighting]) -> Option<DVec3> {
+pub fn triangulate(views: &[RayObservation]) -> Option<DVec3> {
     let start = nearest_to_rays(views)?;
     let end = minimise(
         Nearness {
@@ -70,7 +70,7 @@ pub fn triangulate(views: &[Sighting]) -> Option<DVec3> {
     in_front(views, end).then_some(end)
 }
 
-fn in_front(views: &[Sighting], position: DVec3) -> bool {
+fn in_front(views: &[RayObservation], position: DVec3) -> bool {
     position.is_finite()
         && views
             .iter()
@@ -78,7 +78,7 @@ fn in_front(views: &[Sighting], position: DVec3) -> bool {
 }
 
 /// Returns the point with the least squared distance from all rays.
-pub(super) fn nearest_to_rays(views: &[Sighting]) -> Option<DVec3> {
+pub(super) fn nearest_to_rays(views: &[RayObservation]) -> Option<DVec3> {
     let (mut across, mut towards) = (DMat3::ZERO, DVec3::ZERO);
     for view in views {
         let d = view.direction();
@@ -95,7 +95,7 @@ pub(super) fn nearest_to_rays(views: &[Sighting]) -> Option<DVec3> {
 }
 
 struct Nearness<'a> {
-    views: &'a [Sighting<'a>],
+    views: &'a [RayObservation<'a>],
     position: DVec3,
 }
 
@@ -191,7 +191,7 @@ const SEED: u64 = 0;
 /// or if none of their rays are `min_angle` apart.
 #[must_use]
 pub fn triangulate_robust(
-    views: &[Sighting],
+    views: &[RayObservation],
     options: &TriangulationOptions,
 ) -> Option<Triangulated> {
     let limit = options.max_error_px * options.max_error_px;
@@ -223,12 +223,12 @@ pub fn triangulate_robust(
 
 /// Refines a point over its inliers; returns `None` if they no longer agree.
 fn agreed(
-    views: &[Sighting],
+    views: &[RayObservation],
     inliers: &[u32],
     options: &TriangulationOptions,
 ) -> Option<Triangulated> {
     let limit = options.max_error_px * options.max_error_px;
-    let chosen: Vec<Sighting> = inliers.iter().map(|&at| views[at as usize]).collect();
+    let chosen: Vec<RayObservation> = inliers.iter().map(|&at| views[at as usize]).collect();
     let position = triangulate(&chosen)?;
     let hold: Vec<u32> = (0..)
         .zip(views)
@@ -247,8 +247,8 @@ fn agreed(
 }
 
 /// Returns pairs of views whose rays are at least half of `min_angle` apart, widest first.
-fn pairs_by_angle(views: &[Sighting], min_angle: f64) -> Vec<[usize; 2]> {
-    let directions: Vec<DVec3> = views.iter().map(Sighting::direction).collect();
+fn pairs_by_angle(views: &[RayObservation], min_angle: f64) -> Vec<[usize; 2]> {
+    let directions: Vec<DVec3> = views.iter().map(RayObservation::direction).collect();
     let widest = (0.5 * min_angle).cos();
     let mut pairs: Vec<([usize; 2], f64)> = Vec::new();
     let mut consider = |i: usize, k: usize| {

@@ -4,7 +4,7 @@ use super::{Camera, GeometryError, Pose};
 
 /// A rotation of an image by a multiple of 90°, as seen by the viewer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Turn {
+pub enum QuarterRotation {
     /// No rotation.
     #[default]
     None,
@@ -16,7 +16,7 @@ pub enum Turn {
     Anticlockwise,
 }
 
-impl Turn {
+impl QuarterRotation {
     /// Returns the rotation that shows a stored image of EXIF orientation `orientation` upright.
     ///
     /// # Errors
@@ -88,12 +88,12 @@ impl Turn {
 impl Camera {
     /// Returns the intrinsics of the rotated image; for the pose see [`Pose::turned`].
     #[must_use]
-    pub fn turned(&self, turn: Turn) -> Self {
-        if turn == Turn::None {
+    pub fn turned(&self, turn: QuarterRotation) -> Self {
+        if turn == QuarterRotation::None {
             return *self;
         }
         let principal_px = turn.turn_px(self.principal_px, self.width, self.height);
-        let quarter = turn != Turn::Half;
+        let quarter = turn != QuarterRotation::Half;
         let (width, height) = if quarter {
             (self.height, self.width)
         } else {
@@ -118,8 +118,8 @@ impl Pose {
     /// Returns `camera_from_world` of the camera whose image was rotated.
     #[must_use]
     #[inline]
-    pub fn turned(&self, turn: Turn) -> Self {
-        if turn == Turn::None {
+    pub fn turned(&self, turn: QuarterRotation) -> Self {
+        if turn == QuarterRotation::None {
             *self
         } else {
             turn.pose().compose(self)
@@ -154,17 +154,26 @@ mod tests {
         );
         let x_in_world = DVec3::new(0.3, -0.4, 1.1);
         let stored = camera.project(pose.transform(x_in_world)).unwrap();
-        let shown_at = |turn: Turn| {
+        let shown_at = |turn: QuarterRotation| {
             camera
                 .turned(turn)
                 .project(pose.turned(turn).transform(x_in_world))
                 .unwrap()
         };
         let expected = [
-            (Turn::None, stored),
-            (Turn::Clockwise, DVec2::new(480.0 - stored.y, stored.x)),
-            (Turn::Half, DVec2::new(640.0 - stored.x, 480.0 - stored.y)),
-            (Turn::Anticlockwise, DVec2::new(stored.y, 640.0 - stored.x)),
+            (QuarterRotation::None, stored),
+            (
+                QuarterRotation::Clockwise,
+                DVec2::new(480.0 - stored.y, stored.x),
+            ),
+            (
+                QuarterRotation::Half,
+                DVec2::new(640.0 - stored.x, 480.0 - stored.y),
+            ),
+            (
+                QuarterRotation::Anticlockwise,
+                DVec2::new(stored.y, 640.0 - stored.x),
+            ),
         ];
         for (turn, at_px) in expected {
             assert!(
@@ -177,7 +186,12 @@ mod tests {
 
     #[test]
     fn inverse_rotation_restores_the_camera() {
-        for turn in [Turn::None, Turn::Clockwise, Turn::Half, Turn::Anticlockwise] {
+        for turn in [
+            QuarterRotation::None,
+            QuarterRotation::Clockwise,
+            QuarterRotation::Half,
+            QuarterRotation::Anticlockwise,
+        ] {
             assert_eq!(camera().turned(turn).turned(turn.inverse()), camera());
             let pose = Pose {
                 rotation: DQuat::from_rotation_x(0.4),
@@ -195,8 +209,11 @@ mod tests {
     #[test]
     fn mirrored_orientations_are_rejected() {
         for orientation in [0, 2, 4, 5, 7, 9] {
-            assert!(Turn::from_exif(orientation).is_err());
+            assert!(QuarterRotation::from_exif(orientation).is_err());
         }
-        assert_eq!(Turn::from_exif(6), Ok(Turn::Clockwise));
+        assert_eq!(
+            QuarterRotation::from_exif(6),
+            Ok(QuarterRotation::Clockwise)
+        );
     }
 }

@@ -165,7 +165,7 @@ pub struct TrackRequest {
     ///
     /// Keyframes may lie outside the range. A label without pixels on a keyframe is unknown there,
     /// not absent.
-    pub anchors: BTreeMap<usize, Arc<LabelMask>>,
+    pub keyframes: BTreeMap<usize, Arc<LabelMask>>,
     /// First frame to track.
     pub from: usize,
     /// Last frame to track (inclusive).
@@ -188,7 +188,7 @@ impl TrackRequest {
     pub fn check(&self) -> Result<(), MaskError> {
         let count = self.frames.len();
         let last = self
-            .anchors
+            .keyframes
             .keys()
             .next_back()
             .copied()
@@ -200,22 +200,22 @@ impl TrackRequest {
                 "{range}; the project has {count}, counted from 0"
             )));
         }
-        for (&frame, mask) in &self.anchors {
+        for (&frame, mask) in &self.keyframes {
             let frame = &self.frames[frame];
             if (mask.width, mask.height) != (frame.width, frame.height) {
                 return Err(MaskError::Request(format!(
-                    "the mask of {} is {}x{}, its picture {}x{}; make the mask anew",
+                    "the mask of {} is {}x{}, its image {}x{}; make the mask again",
                     frame.name, mask.width, mask.height, frame.width, frame.height
                 )));
             }
         }
         if self
-            .anchors
+            .keyframes
             .values()
             .all(|mask| mask.ids.iter().all(|&id| id == LabelId::NONE))
         {
             return Err(MaskError::Request(
-                "no frame has a mask to carry; prompt or import one first".into(),
+                "no frame has a mask to track; prompt or import one first".into(),
             ));
         }
         Ok(())

@@ -143,7 +143,7 @@ impl Search {
                     self.time += 1;
                     self.augment(meeting);
                     while let Some(orphan) = self.orphans.pop_front() {
-                        self.adopt(orphan);
+                        self.label_import(orphan);
                     }
                 }
                 None => {
@@ -268,7 +268,7 @@ impl Search {
     }
 
     /// Finds a new parent for an orphan in its tree, or frees it and makes its children orphans.
-    fn adopt(&mut self, node: u32) {
+    fn label_import(&mut self, node: u32) {
         let tree = self.tree[node as usize];
         let mut best: Option<(u32, u32)> = None;
         for arc in self.arcs(node) {

@@ -44,16 +44,19 @@ pub fn merged(first: &WalkedFrame, second: &WalkedFrame, nearness: f32) -> Walke
         // A propagation that does not know the label has no vote: its keyframe may not have been
         // checked for it.
         let of = |frame: &WalkedFrame, near: f32| {
-            let sure = frame.confidence.get(&label).copied();
+            let confidence = frame.confidence.get(&label).copied();
             (
-                sure.unwrap_or(0.0),
-                sure.map_or(0.0, |sure| sure.max(LEAST) * near.powi(2).max(LEAST)),
+                confidence.unwrap_or(0.0),
+                confidence.map_or(0.0, |confidence| {
+                    confidence.max(LEAST) * near.powi(2).max(LEAST)
+                }),
             )
         };
-        let ((sure_a, wa), (sure_b, wb)) = (of(first, nearness), of(second, 1.0 - nearness));
+        let ((confidence_a, wa), (confidence_b, wb)) =
+            (of(first, nearness), of(second, 1.0 - nearness));
         let overlap = a.iou(&b);
-        let strayed = !(a.is_empty() || b.is_empty()) && overlap < SAME_OUTLINE;
-        let share = if strayed {
+        let has_drifted = !(a.is_empty() || b.is_empty()) && overlap < SAME_OUTLINE;
+        let share = if has_drifted {
             f32::from(u8::from(wa >= wb))
         } else {
             wa / (wa + wb)
@@ -71,7 +74,7 @@ pub fn merged(first: &WalkedFrame, second: &WalkedFrame, nearness: f32) -> Walke
         } else {
             1.0
         };
-        confidence.insert(label, sure_a.max(sure_b) * agreed);
+        confidence.insert(label, confidence_a.max(confidence_b) * agreed);
     }
     WalkedFrame { mask, confidence }
 }

@@ -105,7 +105,7 @@ impl Region {
             return Ok(());
         }
         Err(MaskError::Request(format!(
-            "an answer of {}×{} pixels does not fit a frame of {width}×{height}; segment the frame anew",
+            "an answer of {}×{} pixels does not fit a frame of {width}×{height}; segment the frame again",
             self.width, self.height
         )))
     }

@@ -64,7 +64,7 @@ impl RunMask {
     pub fn new(width: u32, height: u32, runs: Vec<(LabelId, u32)>) -> Result<Self, MaskError> {
         if runs.iter().any(|&(_, length)| length == 0) {
             return Err(MaskError::Request(
-                "a mask holds a run of length 0; it is damaged, make it anew".into(),
+                "a mask holds a run of length 0; it is damaged, make it again".into(),
             ));
         }
         let pixels = u64::from(width) * u64::from(height);
@@ -77,7 +77,7 @@ impl RunMask {
         let sum: u64 = runs.iter().map(|&(_, length)| u64::from(length)).sum();
         if sum != pixels {
             return Err(MaskError::Request(format!(
-                "a mask's runs hold {sum} pixels, {width}×{height} are needed; it is damaged, make it anew"
+                "a mask's runs hold {sum} pixels, {width}×{height} are needed; it is damaged, make it again"
             )));
         }
         Ok(Self {
@@ -222,7 +222,7 @@ impl RunMask {
             return Ok(());
         }
         Err(MaskError::Request(format!(
-            "labels of a mask of {}×{} pixels do not fit a frame of {}×{}; make the mask anew",
+            "labels of a mask of {}×{} pixels do not fit a frame of {}×{}; make the mask again",
             other.width, other.height, self.width, self.height
         )))
     }

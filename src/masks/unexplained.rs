@@ -30,7 +30,7 @@ const LEAST_SHARE: f64 = 0.002;
 /// Maximum area of an object, as a share of the frame.
 const MOST_SHARE: f64 = 0.3;
 /// Distance from labels within which nothing is proposed, pixels: their outlines are not exact.
-const BESIDE_LABELS_PX: f64 = 6.0;
+const NEAR_LABELS_PX: f64 = 6.0;
 
 /// Returns the connected parts of a region that have a plausible size for an object.
 pub fn parts(region: &Region) -> impl Iterator<Item = Region> + '_ {
@@ -63,7 +63,7 @@ pub fn explained(mask: &LabelMask) -> Region {
         height: mask.height,
         inside,
     }
-    .dilated(BESIDE_LABELS_PX)
+    .dilated(NEAR_LABELS_PX)
 }
 
 /// Minimum strength of an edge that separates two surfaces.
@@ -108,10 +108,10 @@ fn surfaces(depth: &DepthMap, edges: &DepthEdges) -> Region {
     let width = depth.width as usize;
     let cut = |strengths: &[f32], at: Option<usize>| at.is_some_and(|at| strengths[at] >= PARTS);
     let inside = (0..depth.depths.len()).map(|at| {
-        let beside = cut(&edges.right, Some(at))
+        let adjacent = cut(&edges.right, Some(at))
             || cut(&edges.right, (at % width).checked_sub(1).map(|_| at - 1));
         let above = cut(&edges.down, Some(at)) || cut(&edges.down, at.checked_sub(width));
-        known(depth.depths[at]) && !beside && !above
+        known(depth.depths[at]) && !adjacent && !above
     });
     Region {
         width: depth.width,

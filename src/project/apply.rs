@@ -107,7 +107,7 @@ impl Project {
             let finite = points.chain(corners).all(glam::DVec2::is_finite);
             ensure!(
                 finite,
-                "a click or box on frame {frame} is not a finite number; give it anew"
+                "a click or box on frame {frame} is not a finite number; give it again"
             );
         }
         let key = (frame, label);
@@ -183,14 +183,14 @@ impl Project {
             );
         }
         ensure!(
-            !(mask.stale && mask.origin == MaskOrigin::Anchor),
-            "{name}: an anchor is never stale"
+            !(mask.stale && mask.origin == MaskOrigin::Keyframe),
+            "{name}: a keyframe is never stale"
         );
-        let sure = mask
+        let confidence = mask
             .confidence
             .values()
             .all(|share| (0.0..=1.0).contains(share));
-        ensure!(sure, "{name}: a confidence lies outside 0 to 1");
+        ensure!(confidence, "{name}: a confidence lies outside 0 to 1");
         Ok(())
     }
 
@@ -295,7 +295,7 @@ impl Project {
         let same_size = (value.width, value.height) == (before.width, before.height);
         ensure!(
             same_size || !self.masks.contains_key(&frame),
-            "{}: the picture has {}×{} pixels, its mask {}×{}; give the picture that the mask was made on",
+            "{}: the image has {}×{} pixels, its mask {}×{}; give the image that the mask was made on",
             value.name,
             value.width,
             value.height,
@@ -345,16 +345,16 @@ fn check_frame(frame: &Frame) -> Result<()> {
     );
     ensure!(
         frame.width > 0 && frame.height > 0,
-        "{name}: the picture has no pixels"
+        "{name}: the image has no pixels"
     );
     frame
         .depth
         .as_ref()
         .map_or(Ok(()), |depth| check_depth(name, depth))?;
-    if let ostra_frames::PictureSource::Film { time_s, .. } = frame.picture {
+    if let ostra_frames::ImageSource::Video { time_s, .. } = frame.image {
         ensure!(
             time_s.is_finite(),
-            "{name}: its time in the film is not a finite number"
+            "{name}: its time in the video is not a finite number"
         );
     }
     frame
@@ -364,13 +364,13 @@ fn check_frame(frame: &Frame) -> Result<()> {
 }
 
 fn check_depth(name: &str, depth: &DepthSource) -> Result<()> {
-    let (DepthSource::Sensor { unit, .. } | DepthSource::Made { scale: unit, .. }) = depth;
+    let (DepthSource::Sensor { unit, .. } | DepthSource::Estimated { scale: unit, .. }) = depth;
     ensure!(
         unit.is_finite() && *unit > 0.0,
         "{name}: the depth unit must be a number above 0"
     );
     match depth {
-        DepthSource::Made { made, .. } => {
+        DepthSource::Estimated { made, .. } => {
             // Only the project's own folders are known to contain no link that leads elsewhere.
             let is_own = made
                 .components()
@@ -386,10 +386,10 @@ fn check_depth(name: &str, depth: &DepthSource) -> Result<()> {
         }
         DepthSource::Sensor { camera, .. } => {
             let finite = |camera: &DepthCamera| {
-                is_finite(&camera.intrinsics, Some(&camera.picture_from_depth))
+                is_finite(&camera.intrinsics, Some(&camera.image_from_depth))
             };
             let what =
-                "the camera of its depth has a value that is not a finite number; give it anew";
+                "the camera of its depth has a value that is not a finite number; give it again";
             ensure!(camera.as_deref().is_none_or(finite), "{name}: {what}");
         }
     }

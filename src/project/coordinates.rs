@@ -59,7 +59,7 @@ impl Project {
         };
         match self.frames.get(frame).map(|frame| &frame.depth) {
             Some(Some(DepthSource::Sensor { .. })) => LengthUnit::Metre,
-            Some(Some(DepthSource::Made { .. })) if is_stale() => LengthUnit::World,
+            Some(Some(DepthSource::Estimated { .. })) if is_stale() => LengthUnit::World,
             _ => self.coordinates().unit,
         }
     }

@@ -44,7 +44,7 @@ impl ExportTargets {
         let mut sources = BTreeMap::new();
         for frame in &*project.frames {
             let depth = frame.depth.as_ref().and_then(|depth| depth.sensor_path());
-            paths.extend([Some(frame.picture.path()), depth].into_iter().flatten());
+            paths.extend([Some(frame.image.path()), depth].into_iter().flatten());
         }
         let requests = project
             .results

@@ -48,7 +48,7 @@ fn blended_frame(
     };
     let before = project.masks.get(&frame).unwrap_or(&nothing);
     let given = |label: &LabelId| {
-        before.origin == MaskOrigin::Anchor && before.runs.runs.iter().any(|(id, _)| id == label)
+        before.origin == MaskOrigin::Keyframe && before.runs.runs.iter().any(|(id, _)| id == label)
     };
     let barred = &project.absent_on(frame) | &project.locked_on(frame);
     let is_open = |label: &LabelId| !given(label) && !barred.contains(label);

@@ -39,13 +39,13 @@ impl LabelChoice {
     #[must_use]
     pub fn edit(&self, project: &Project, frame: usize, answer: FrameMask) -> Option<Edit> {
         let before = project.masks.get(&frame);
-        let is_anchor = before.is_some_and(|mask| mask.origin == MaskOrigin::Anchor);
+        let is_keyframe = before.is_some_and(|mask| mask.origin == MaskOrigin::Keyframe);
         let size = (answer.runs.width, answer.runs.height);
         let fits = project
             .frames
             .get(frame)
             .is_some_and(|of| (of.width, of.height) == size);
-        if is_anchor || !fits {
+        if is_keyframe || !fits {
             return None;
         }
         let mask = match &self.labels {
@@ -89,7 +89,10 @@ impl LabelChoice {
             .confidence
             .iter()
             .filter(|(id, _)| labels.contains(id));
-        let confidence = kept.chain(new).map(|(&id, &sure)| (id, sure)).collect();
+        let confidence = kept
+            .chain(new)
+            .map(|(&id, &confidence)| (id, confidence))
+            .collect();
         Some(FrameMask {
             runs,
             confidence,
@@ -104,7 +107,7 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
-    use crate::testing::{anchor, project, tracked};
+    use crate::testing::{keyframe, project, tracked};
 
     fn choice(labels: &[u16], replace: bool) -> LabelChoice {
         let labels: Vec<LabelId> = labels.iter().copied().map(LabelId).collect();
@@ -114,13 +117,13 @@ mod tests {
     /// Returns a project with labels 1 and 2 on frame 0, a keyframe on frame 1, and no other masks.
     fn begun() -> Project {
         let mut project = project();
-        let sure = BTreeMap::from([(LabelId(1), 0.5), (LabelId(2), 0.25)]);
+        let confidence = BTreeMap::from([(LabelId(1), 0.5), (LabelId(2), 0.25)]);
         let both = FrameMask {
-            confidence: sure,
+            confidence,
             stale: true,
             ..tracked([1, 2, 0])
         };
-        for (frame, mask) in [(0, both), (1, anchor([1, 2, 0]))] {
+        for (frame, mask) in [(0, both), (1, keyframe([1, 2, 0]))] {
             project
                 .apply(Edit::SetMask {
                     frame,
@@ -146,7 +149,7 @@ mod tests {
             mask.confidence,
             BTreeMap::from([(LabelId(1), 0.7), (LabelId(2), 0.25)])
         );
-        assert!(!mask.stale, "what is carried anew is fresh");
+        assert!(!mask.stale, "what is carried again is fresh");
         assert_eq!(
             taken(&choice(&[1], true), 0, [0, 1, 1]).unwrap().runs,
             tracked([0, 1, 1]).runs

@@ -98,7 +98,7 @@ impl Project {
         confidence.extend(
             before
                 .filter(|(id, _)| locked.contains(id))
-                .map(|(&id, &sure)| (id, sure)),
+                .map(|(&id, &confidence)| (id, confidence)),
         );
         FrameMask {
             runs,

@@ -16,7 +16,7 @@ pub fn by_hand(project: &Project, frame: usize, mask: &LabelMask) -> Vec<Edit> {
     let runs = project.with_locks(frame, Arc::new(RunMask::encode(mask)));
     let mut edits = vec![Edit::SetMask {
         frame,
-        mask: Some(anchor_of(runs)),
+        mask: Some(keyframe_of(runs)),
     }];
     edits.extend(project.there_again(&edits));
     edits
@@ -62,15 +62,15 @@ pub fn label_name(project: &Project, id: LabelId) -> Result<&str> {
 }
 
 /// Returns a keyframe with this mask.
-pub fn anchor(mask: &LabelMask) -> FrameMask {
-    anchor_of(Arc::new(RunMask::encode(mask)))
+pub fn keyframe(mask: &LabelMask) -> FrameMask {
+    keyframe_of(Arc::new(RunMask::encode(mask)))
 }
 
 /// Returns a keyframe with these runs.
-pub fn anchor_of(runs: Arc<RunMask>) -> FrameMask {
+pub fn keyframe_of(runs: Arc<RunMask>) -> FrameMask {
     FrameMask {
         runs,
-        origin: MaskOrigin::Anchor,
+        origin: MaskOrigin::Keyframe,
         stale: false,
         confidence: BTreeMap::new(),
     }

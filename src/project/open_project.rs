@@ -18,7 +18,7 @@ pub struct OpenProject {
     history: History,
     folder: Folder,
     /// Run that made the last step, if that step can still grow.
-    growing: Option<JobId>,
+    preview_cloud: Option<JobId>,
     /// Number of changes to the project since it was opened.
     revision: u64,
     /// Version of the results that is published under plain names; `None` if unknown.
@@ -35,7 +35,7 @@ impl OpenProject {
             project: Arc::new(loaded.project),
             history: loaded.history,
             folder: loaded.folder,
-            growing: None,
+            preview_cloud: None,
             revision: 0,
             published: None,
             published_depths: None,
@@ -53,7 +53,7 @@ impl OpenProject {
             project: Arc::new(project),
             history: History::default(),
             folder,
-            growing: None,
+            preview_cloud: None,
             revision: 0,
             published: None,
             published_depths: None,
@@ -80,8 +80,8 @@ impl OpenProject {
 
     /// Returns the run that made the last step, if that step can still grow.
     #[must_use]
-    pub fn growing_run(&self) -> Option<JobId> {
-        self.growing
+    pub fn preview_run(&self) -> Option<JobId> {
+        self.preview_cloud
     }
 
     /// Returns the project's folder.
@@ -116,7 +116,7 @@ impl OpenProject {
         if changes.is_empty() {
             return Ok(false);
         }
-        let continues = run.is_some() && run == self.growing;
+        let continues = run.is_some() && run == self.preview_cloud;
         let back = Step {
             title: String::new(),
             changes: changes.clone(),
@@ -128,7 +128,7 @@ impl OpenProject {
             continues,
         };
         self.save(act, back)?;
-        self.growing = run;
+        self.preview_cloud = run;
         Ok(true)
     }
 
@@ -178,7 +178,7 @@ impl OpenProject {
             moved.apply(edit.clone())?;
         }
         self.project = Arc::new(moved);
-        self.growing = None;
+        self.preview_cloud = None;
         self.save(act, back)
     }
 

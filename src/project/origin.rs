@@ -128,14 +128,14 @@ impl Project {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ostra_frames::{FrameCamera, Orientation, PictureSource};
+    use ostra_frames::{FrameCamera, ImageSource, Orientation};
     use ostra_geometry::{Camera, Pose};
 
     fn frames(centres: &[DVec3]) -> Vec<Frame> {
         let intrinsics = Camera::pinhole(64, 48, 60.0, 60.0, 32.0, 24.0);
         let frame = |(number, &centre): (usize, &DVec3)| Frame {
             name: format!("{number}.png"),
-            picture: PictureSource::File {
+            image: ImageSource::File {
                 path: "a.png".into(),
                 orientation: Orientation::default(),
             },

@@ -52,7 +52,8 @@ pub struct FrameMask {
 #[serde(rename_all = "snake_case")]
 pub enum MaskOrigin {
     /// Keyframe: prompted, painted, corrected, imported or accepted by the user.
-    Anchor,
+    #[serde(rename = "anchor")] // the name in project files of format 1
+    Keyframe,
     /// Propagated by a tracker.
     Tracked,
 }
@@ -100,11 +101,11 @@ pub struct Estimate {
 impl Project {
     /// Returns the last keyframe before a frame and the first one after it.
     #[must_use]
-    pub fn neighbour_anchors(&self, frame: usize) -> (Option<usize>, Option<usize>) {
-        let is_anchor = |(_, mask): &(&usize, &FrameMask)| mask.origin == MaskOrigin::Anchor;
+    pub fn neighbour_keyframes(&self, frame: usize) -> (Option<usize>, Option<usize>) {
+        let is_keyframe = |(_, mask): &(&usize, &FrameMask)| mask.origin == MaskOrigin::Keyframe;
         let later = (Bound::Excluded(frame), Bound::Unbounded);
-        let before = self.masks.range(..frame).rev().find(is_anchor);
-        let after = self.masks.range(later).find(is_anchor);
+        let before = self.masks.range(..frame).rev().find(is_keyframe);
+        let after = self.masks.range(later).find(is_keyframe);
         (
             before.map(|(&number, _)| number),
             after.map(|(&number, _)| number),
@@ -118,7 +119,7 @@ impl Project {
         let (mut sum, mut count) = (0.0, 0usize);
         for (&frame, mask) in &self.masks {
             match mask.origin {
-                MaskOrigin::Anchor => {
+                MaskOrigin::Keyframe => {
                     let shown = labels_on(frame);
                     (sum, count) = (sum + shown as f64, count + shown);
                 }
@@ -126,7 +127,7 @@ impl Project {
                     sum += mask
                         .confidence
                         .values()
-                        .map(|&sure| f64::from(sure))
+                        .map(|&confidence| f64::from(confidence))
                         .sum::<f64>();
                     count += mask.confidence.len();
                 }
@@ -142,13 +143,13 @@ impl Project {
 #[cfg(test)]
 mod tests {
     use crate::Edit;
-    use crate::testing::{anchor, project, tracked};
+    use crate::testing::{keyframe, project, tracked};
 
     #[test]
     fn keyframes_count_as_certain_and_empty_masks_are_ignored() {
         let mut project = project();
         assert_eq!(project.estimate(|_| 1), None);
-        for (frame, mask) in [anchor([1, 2, 0]), tracked([1, 0, 0]), anchor([0; 3])]
+        for (frame, mask) in [keyframe([1, 2, 0]), tracked([1, 0, 0]), keyframe([0; 3])]
             .into_iter()
             .enumerate()
         {

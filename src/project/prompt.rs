@@ -6,7 +6,7 @@
 
 use anyhow::{Context, Result, ensure};
 
-use crate::mask_edits::{anchor, by_hand, label_name, mask_of};
+use crate::mask_edits::{by_hand, keyframe, label_name, mask_of};
 use crate::{Edit, FrameMask, Project, PromptRequest};
 use ostra_core::job::Progress;
 use ostra_masks::{
@@ -197,7 +197,7 @@ pub fn without_label(project: &Project, frame: usize, label: LabelId) -> Result<
         let left = others || mask.ids.iter().any(|&id| id != LabelId::NONE);
         edits.push(Edit::SetMask {
             frame,
-            mask: left.then(|| anchor(&mask)),
+            mask: left.then(|| keyframe(&mask)),
         });
     }
     Ok(edits)

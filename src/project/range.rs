@@ -8,7 +8,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, ensure};
 
 use crate::interpolate::interpolate;
-use crate::mask_edits::{anchor_of, changed, label_name};
+use crate::mask_edits::{changed, keyframe_of, label_name};
 use crate::split::{Cut, split};
 use crate::{Edit, FrameMask, Marks, Project, RangeChange, RangeRequest};
 use ostra_core::job::Progress;
@@ -177,9 +177,15 @@ fn delete(project: &Project, request: &RangeRequest, labels: &BTreeSet<LabelId>)
                 id
             }
         };
-        changed(project, frame, mask, mask.runs.map_ids(gone), |sure| {
-            sure.retain(|id, _| !labels.contains(id));
-        })
+        changed(
+            project,
+            frame,
+            mask,
+            mask.runs.map_ids(gone),
+            |confidence| {
+                confidence.retain(|id, _| !labels.contains(id));
+            },
+        )
     }));
     edits.extend(labels.iter().filter_map(|&label| {
         let before = project.marks_of(label);
@@ -209,14 +215,14 @@ pub(crate) fn merge(
             let locked = project.locked_on(frame);
             let goes = |id: &LabelId| labels.contains(id) && !locked.contains(id);
             let runs = mask.runs.map_ids(|id| if goes(&id) { into } else { id });
-            changed(project, frame, mask, runs, |sure| {
-                let least = sure
+            changed(project, frame, mask, runs, |confidence| {
+                let least = confidence
                     .iter()
                     .filter(|(id, _)| goes(id) || **id == into)
-                    .map(|(_, &sure)| sure);
+                    .map(|(_, &confidence)| confidence);
                 let least = least.reduce(f32::min);
-                sure.retain(|id, _| !goes(id));
-                sure.extend(least.map(|least| (into, least)));
+                confidence.retain(|id, _| !goes(id));
+                confidence.extend(least.map(|least| (into, least)));
             })
         })
         .collect();
@@ -320,7 +326,7 @@ fn copy(
         }));
         edits.push(Edit::SetMask {
             frame,
-            mask: Some(anchor_of(runs)),
+            mask: Some(keyframe_of(runs)),
         });
     }
     Ok(edits)

@@ -14,7 +14,7 @@ use crate::mask_edits::mask_of;
 use crate::store::{cloud_path, mesh_path, mesh_votes_path, version_in_force, votes_path};
 use crate::voted_cloud::{VotedCloud, can_revote, read_votes_on};
 use crate::{FuseRequest, Project, ResultKind, ResultRecord};
-use ostra_cloud::doubt::voted_mask;
+use ostra_cloud::conflicts::voted_mask;
 use ostra_cloud::fuse::{Fused, ProjectViews, Votes, vote_again};
 use ostra_cloud::ply::{read_mesh, read_ply};
 use ostra_cloud::{LabelledCloud, LabelledMesh};
@@ -212,7 +212,7 @@ pub fn geometry_digest(project: &Project, request: &FuseRequest) -> Result<Strin
     };
     let of_frames = project.frames.iter().flat_map(|frame| {
         let depth = frame.depth.as_ref().and_then(|depth| depth.sensor_path());
-        [stamp(frame.picture.path()), depth.and_then(stamp)]
+        [stamp(frame.image.path()), depth.and_then(stamp)]
     });
     let stamps: Vec<_> = of_frames
         .chain([request.onto.as_deref().and_then(stamp)])
@@ -224,7 +224,7 @@ pub fn geometry_digest(project: &Project, request: &FuseRequest) -> Result<Strin
         request,
         stamps,
     );
-    let bytes = serde_json::to_vec(&all).context("what the cloud is made of cannot be told")?;
+    let bytes = serde_json::to_vec(&all).context("the inputs of the cloud are not recorded")?;
     Ok(Sha256::digest(bytes)
         .iter()
         .map(|byte| format!("{byte:02x}"))

@@ -84,7 +84,7 @@ fn pointed_at(project: &Project, cut: &Cut, runs: &RunMask) -> Result<(Region, R
     let (part, rest) = (of(true), of(false));
     ensure!(
         !rest.is_empty(),
-        "label '{name}' is one piece on frame {}; paint the part with the other label instead",
+        "label '{name}' is one connected part on frame {}; paint the part with the other label instead",
         cut.frame
     );
     Ok((part, rest))
@@ -138,9 +138,9 @@ fn piece_edits(
     {
         *id = cut.into;
     }
-    let sure = mask.confidence.get(&cut.label).copied();
+    let confidence = mask.confidence.get(&cut.label).copied();
     let edit = changed(project, frame, mask, RunMask::encode(&pixels), |all| {
-        all.extend(sure.map(|sure| (cut.into, sure)));
+        all.extend(confidence.map(|confidence| (cut.into, confidence)));
     });
     edit.into_iter()
         .chain(moved_clicks(project, cut, frame, part))

@@ -44,7 +44,7 @@ impl Project {
                 .filter(|&number| number != frame)
                 .collect();
         }
-        let (first, last) = self.neighbour_anchors(frame);
+        let (first, last) = self.neighbour_keyframes(frame);
         self.tracked(first.unwrap_or(0), last.unwrap_or(usize::MAX))
             .filter(|&number| number != frame)
             .collect()
@@ -67,10 +67,10 @@ impl Project {
         if same_pixels {
             return Vec::new();
         }
-        let is_anchor =
-            |mask: Option<&FrameMask>| mask.is_some_and(|mask| mask.origin == MaskOrigin::Anchor);
+        let is_keyframe =
+            |mask: Option<&FrameMask>| mask.is_some_and(|mask| mask.origin == MaskOrigin::Keyframe);
         let mut edits = Vec::new();
-        if is_anchor(before) || is_anchor(mask) {
+        if is_keyframe(before) || is_keyframe(mask) {
             edits.extend(self.stale_masks(self.reach(frame)));
         }
         edits.extend(self.stale_result(ResultKind::Cloud));
@@ -115,7 +115,7 @@ impl Project {
     fn after_frame(&self, frame: usize, value: &Frame) -> Vec<Edit> {
         let shape = |frame: &Frame| (frame.width, frame.height, frame.camera);
         let same = |before: &Frame| {
-            shape(before) == shape(value) && tells_the_same(&before.depth, &value.depth)
+            shape(before) == shape(value) && is_same_source(&before.depth, &value.depth)
         };
         if self.frames.get(frame).is_some_and(same) {
             Vec::new()
@@ -125,7 +125,7 @@ impl Project {
     }
 
     fn after_depth(&self, frame: usize, depth: &Option<DepthSource>) -> Vec<Edit> {
-        let same = |before: &Frame| tells_the_same(&before.depth, depth);
+        let same = |before: &Frame| is_same_source(&before.depth, depth);
         if self.frames.get(frame).is_some_and(same) {
             Vec::new()
         } else {
@@ -180,7 +180,7 @@ impl Project {
 /// Returns whether two depth sources give the same depths.
 ///
 /// Files of a sensor may have moved to another place.
-fn tells_the_same(before: &Option<DepthSource>, now: &Option<DepthSource>) -> bool {
+fn is_same_source(before: &Option<DepthSource>, now: &Option<DepthSource>) -> bool {
     match (before, now) {
         (
             Some(DepthSource::Sensor {

@@ -94,10 +94,12 @@ impl Suggestion {
         let why = match self.why {
             Reason::Apart(Apartness::Moves) => "moves on its own".to_owned(),
             Reason::Apart(Apartness::Stands) => "stands apart".to_owned(),
-            Reason::Proposed(score) => format!("one thing to {:.0} %", 100.0 * score),
+            Reason::Proposed(score) => {
+                format!("a single object with {:.0} % confidence", 100.0 * score)
+            }
         };
         format!(
-            "frame {}: {why}, {:.1} % of the picture",
+            "frame {}: {why}, {:.1} % of the image",
             self.frame,
             self.share * 100.0
         )
@@ -183,7 +185,7 @@ mod tests {
             3,
             FrameMask {
                 runs,
-                origin: MaskOrigin::Anchor,
+                origin: MaskOrigin::Keyframe,
                 stale: false,
                 confidence: Default::default(),
             },

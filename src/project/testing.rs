@@ -7,14 +7,14 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use ostra_frames::{Frame, FrameCamera, Orientation, PictureSource};
+use ostra_frames::{Frame, FrameCamera, ImageSource, Orientation};
 use ostra_geometry::{Camera, Pose};
 use ostra_masks::{Label, LabelId, RunMask};
 
 use crate::{Edit, FrameMask, MaskOrigin, Project, ResultRecord};
 
 pub fn frame(name: &str) -> Frame {
-    let picture = PictureSource::File {
+    let image = ImageSource::File {
         path: Path::new("/nowhere").join(name),
         orientation: Orientation::default(),
     };
@@ -22,7 +22,7 @@ pub fn frame(name: &str) -> Frame {
         name: name.into(),
         width: 4,
         height: 3,
-        picture,
+        image,
         depth: None,
         camera: None,
     }
@@ -55,8 +55,8 @@ pub fn mask(ids: [u16; 3], origin: MaskOrigin, stale: bool) -> FrameMask {
     }
 }
 
-pub fn anchor(ids: [u16; 3]) -> FrameMask {
-    mask(ids, MaskOrigin::Anchor, false)
+pub fn keyframe(ids: [u16; 3]) -> FrameMask {
+    mask(ids, MaskOrigin::Keyframe, false)
 }
 
 pub fn tracked(ids: [u16; 3]) -> FrameMask {

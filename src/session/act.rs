@@ -49,13 +49,13 @@ impl Session {
             Command::Ground(request) => self.ground(request).map(Some),
             Command::TakeFound(request) => self.take_found(request).map(Some),
             Command::Paint(request) => self.paint(request),
-            Command::Pull(request) => self.pull(request).map(|()| None),
+            Command::MoveBorder(request) => self.pull(request).map(|()| None),
             Command::Trace(request) => self.trace(request).map(Some),
-            Command::Tidy(request) => self.tidy(request).map(|()| None),
-            Command::MakeAnchor { frame } => self.make_anchor(*frame).map(|()| None),
+            Command::Clean(request) => self.tidy(request).map(|()| None),
+            Command::MakeKeyframe { frame } => self.make_keyframe(*frame).map(|()| None),
             Command::AcceptVote { frame, labels } => self.accept_vote(*frame, labels).map(Some),
             Command::Instances(request) => self.instances(request).map(Some),
-            Command::Adopt(request) => self.adopt(*request).map(Some),
+            Command::Attach(request) => self.attach(*request).map(Some),
             Command::CorrectCloud(correction) => self.correct_cloud(correction).map(Some),
             Command::MergeLabels { label, into } => self.merge_labels(*label, *into),
             Command::ClearMask { frame } => self.clear_mask(*frame).map(|()| None),
@@ -84,7 +84,7 @@ impl Session {
     }
 
     pub(crate) fn undo(&mut self) -> Result<()> {
-        self.stop_growing_run();
+        self.stop_preview_run();
         self.opened()?.undo()?;
         self.report_changed();
         Ok(())
@@ -97,8 +97,8 @@ impl Session {
     }
 
     /// Stops the run whose step is undone, and drops its further results.
-    fn stop_growing_run(&mut self) {
-        let run = self.open.as_ref().and_then(OpenProject::growing_run);
+    fn stop_preview_run(&mut self) {
+        let run = self.open.as_ref().and_then(OpenProject::preview_run);
         if let Some(job) = run.and_then(|run| self.jobs.get_mut(run)) {
             job.discard();
         }

@@ -7,7 +7,7 @@ use crate::queries::{
     TraitsKey, VoteMismatchKey,
 };
 use crate::{InstancesRequest, PromptRequest, ProposedInstances, Session, SparseModel};
-use ostra_cloud::doubt::FrameDoubt;
+use ostra_cloud::conflicts::FrameConflict;
 use ostra_cloud::fuse::Votes;
 use ostra_cloud::measure::{LengthUnit, TraitRow};
 use ostra_cloud::select::{SelectStep, Selection, Selector};
@@ -117,12 +117,12 @@ impl Session {
     /// It is computed in the background when first requested and after masks changed. Until then,
     /// the previous result is returned. It is empty without a cloud whose voters are known.
     #[must_use]
-    pub fn doubts(&self) -> &Arc<BTreeMap<usize, FrameDoubt>> {
+    pub fn conflicts(&self) -> &Arc<BTreeMap<usize, FrameConflict>> {
         static NONE: LazyLock<Arc<Conflicts>> = LazyLock::new(Arc::default);
-        self.conflicts().unwrap_or(&NONE)
+        self.known_conflicts().unwrap_or(&NONE)
     }
 
-    fn conflicts(&self) -> Option<&Arc<Conflicts>> {
+    fn known_conflicts(&self) -> Option<&Arc<Conflicts>> {
         let (cloud, conflicts) = (self.cloud_state()?, &self.background.conflicts);
         let Some(voted) = self.background.cloud.voted(cloud.version) else {
             let (of, known) = conflicts.latest()?;
@@ -139,7 +139,7 @@ impl Session {
     /// mask, the cloud or the label tree changed. Until then, the previous result is returned, or
     /// `None` if there is none.
     #[must_use]
-    pub fn contradicted(&self, frame: usize) -> Option<&Arc<Region>> {
+    pub fn vote_mismatch(&self, frame: usize) -> Option<&Arc<Region>> {
         let cloud = self.cloud_state()?;
         let key = VoteMismatchKey::new(self.project()?, frame, cloud)?;
         let mismatch = &self.background.vote_mismatch;
@@ -172,7 +172,7 @@ impl Session {
             return &NONE;
         };
         let angles = &self.background.angles;
-        let before = angles.asked().filter(|asked| asked.of == of);
+        let before = angles.requested().filter(|requested| requested.of == of);
         let mut key = before.unwrap_or_else(|| AnglesKey {
             of,
             pairs: Default::default(),
@@ -195,7 +195,7 @@ impl Session {
         let Some(project) = self.project() else {
             return LengthUnit::World;
         };
-        if self.growing_cloud().is_some() {
+        if self.preview_cloud().is_some() {
             project.coordinates().unit
         } else {
             project.cloud_unit()
@@ -206,7 +206,7 @@ impl Session {
     ///
     /// Returns `None` if there is no such job or none of its views is finished.
     #[must_use]
-    pub fn growing_cloud(&self) -> Option<&Arc<LabelledCloud>> {
+    pub fn preview_cloud(&self) -> Option<&Arc<LabelledCloud>> {
         let preview = &self.background.preview;
         let running = self.jobs().iter().any(|job| Some(job.id) == preview.job());
         Some(preview.cloud()).filter(|cloud| running && !cloud.is_empty())
@@ -219,7 +219,7 @@ impl Session {
     pub fn hover(&mut self, wanted: Option<PromptRequest>) {
         let preview = &mut self.background.prompt_preview;
         match wanted {
-            Some(request) if preview.asked().as_ref() == Some(&request) => return,
+            Some(request) if preview.requested().as_ref() == Some(&request) => return,
             Some(request) => preview.ask(request),
             None => preview.clear(),
         }

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use crate::requests::{
-    AdoptRequest, CloudCorrection, GroundRequest, InstancesRequest, ModelRequest, PaintRequest,
-    PullRequest, TakeRequest, TidyRequest, TraceRequest, TrackSettings,
+    AttachRequest, CleanRequest, CloudCorrection, GroundRequest, InstancesRequest, ModelRequest,
+    MoveBorderRequest, PaintRequest, TakeRequest, TraceRequest, TrackSettings,
 };
 use ostra_frames::cameras::IntrinsicsSource;
 use ostra_masks::LabelId;
@@ -60,15 +60,18 @@ pub enum Command {
     /// Applies a brush, eraser or polygon to a frame's mask; the frame becomes a keyframe.
     Paint(PaintRequest),
     /// Drags the border of a label on a frame; the frame becomes a keyframe.
-    Pull(PullRequest),
+    #[serde(alias = "pull")]
+    MoveBorder(MoveBorderRequest),
     /// Assigns a thin structure through some points to a label; the frame becomes a keyframe.
     Trace(TraceRequest),
     /// Fills small holes of a label on a frame and removes its small islands.
     ///
     /// A frame that changes becomes a keyframe.
-    Tidy(TidyRequest),
+    #[serde(alias = "tidy")]
+    Clean(CleanRequest),
     /// Makes a tracked frame a keyframe, with its mask unchanged.
-    MakeAnchor {
+    #[serde(alias = "make_anchor")]
+    MakeKeyframe {
         /// Frame number.
         frame: usize,
     },
@@ -85,7 +88,8 @@ pub enum Command {
     /// Assigns unlabelled pieces of the cloud to the labelled object they are attached to.
     ///
     /// The masks change accordingly.
-    Adopt(AdoptRequest),
+    #[serde(alias = "adopt")]
+    Attach(AttachRequest),
     /// Assigns selected points of the cloud to another label.
     ///
     /// The pixels that see them change in all masks.
@@ -159,14 +163,19 @@ impl Command {
         use Command as C;
         let on_a_frame = matches!(
             self,
-            C::Prompt(_) | C::TakeFound(_) | C::Paint(_) | C::Pull(_) | C::Trace(_) | C::Tidy(_)
+            C::Prompt(_)
+                | C::TakeFound(_)
+                | C::Paint(_)
+                | C::MoveBorder(_)
+                | C::Trace(_)
+                | C::Clean(_)
         );
         let in_space = matches!(self, C::CorrectCloud(_) | C::MergeLabels { .. });
         on_a_frame
             || in_space
             || matches!(
                 self,
-                C::Range(_) | C::MakeAnchor { .. } | C::AcceptVote { .. } | C::ClearMask { .. }
+                C::Range(_) | C::MakeKeyframe { .. } | C::AcceptVote { .. } | C::ClearMask { .. }
             )
     }
 }

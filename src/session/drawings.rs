@@ -60,8 +60,8 @@ mod tests {
 
     #[test]
     fn requested_drawings_arrive_and_the_oldest_is_dropped() {
-        let (told, notified) = channel();
-        let drawings = Drawings::new(|key: &usize| 10 * key, move || told.send(()).unwrap());
+        let (reported, notified) = channel();
+        let drawings = Drawings::new(|key: &usize| 10 * key, move || reported.send(()).unwrap());
         for key in 0..6 {
             assert_eq!(drawings.get(&key), None);
             notified.recv_timeout(Duration::from_secs(60)).unwrap();

@@ -146,7 +146,7 @@ mod tests {
         assert_eq!(
             kept.get(&first, &image(2), || Ok(embedding(3.0))).unwrap(),
             embedding(3.0),
-            "another picture"
+            "another image"
         );
         fs::write(&first, "changed").unwrap();
         assert_eq!(

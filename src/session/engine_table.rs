@@ -111,7 +111,7 @@ impl EngineId for SegmenterId {
         spec(Self::SamClose, SAM, || sam_network().is_some()),
         spec(
             Self::Geometry,
-            "depth and cameras of several frames; takes thin things by the picture alone",
+            "depth and cameras of several frames; segments thin objects by the image alone",
             always,
         ),
         spec(Self::Builtin, "nothing", always),

@@ -100,7 +100,7 @@ pub(crate) fn grounder(grounder: GrounderId) -> Result<Arc<dyn TextGrounder>> {
 
 /// Creates the tracker of the settings; `auto` is the best installed one that the frames allow.
 pub fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tracker>> {
-    let asked = settings.tracker.installed()?;
+    let requested = settings.tracker.installed()?;
     let (frames, any) = (
         &project.frames,
         project.frames.iter().any(Frame::has_posed_depth),
@@ -108,7 +108,7 @@ pub fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tr
     // Stereo depth of only some frames does not help on the frames in between.
     let everywhere =
         frames.iter().any(Frame::has_sensor_depth) || frames.iter().all(Frame::has_posed_depth);
-    let tracker = match asked {
+    let tracker = match requested {
         TrackerId::Auto if any && everywhere => TrackerId::Geometry,
         // On videos, networks are far better than optical flow.
         TrackerId::Auto => [TrackerId::XMem, TrackerId::Deaot]
@@ -127,11 +127,11 @@ pub fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tr
         settings
             .short_side
             .is_none_or(|side| (64..=4096).contains(&side)),
-        "networks see pictures with 64 to 4096 pixels along the shorter side; choose another number"
+        "networks take images with 64 to 4096 pixels along the shorter side; choose another number"
     );
     ensure!(
         seen.is_none() || tracker.has_image_size(),
-        "only 'xmem' and 'deaot' see pictures in another size, not '{}'; name one of them, or choose no size",
+        "only 'xmem' and 'deaot' take images in another size, not '{}'; name one of them, or choose no size",
         tracker.name()
     );
     let tracker: Box<dyn Tracker> = match tracker {
@@ -215,19 +215,19 @@ pub(crate) fn extractor(
 ///
 /// `Auto` is the network trained for these features, if it is installed.
 pub(crate) fn matcher(matcher: MatcherId, features: FeatureId) -> Result<Box<dyn FeatureMatcher>> {
-    let asked = matcher.installed()?;
+    let requested = matcher.installed()?;
     let made_for = match features.installed()? {
         FeatureId::XFeat => Some(MatcherId::LighterGlue),
         FeatureId::SuperPoint => Some(MatcherId::SuperGlue),
         FeatureId::Auto | FeatureId::Sift => None,
     };
-    let wanted = match asked {
+    let wanted = match requested {
         MatcherId::Auto => made_for.filter(|network| network.is_installed()),
         MatcherId::Nearest => None,
         network => Some(network),
     };
     if wanted.is_some() && wanted != made_for {
-        let theirs = match asked {
+        let theirs = match requested {
             MatcherId::SuperGlue => FeatureId::SuperPoint,
             _ => FeatureId::XFeat,
         }

@@ -60,7 +60,7 @@ pub enum Event {
     /// The labelled cloud was loaded, made or removed.
     CloudChanged,
     /// The conflicts of masks with the cloud were computed.
-    DoubtsChanged,
+    ConflictsChanged,
     /// A network was installed or added.
     ModelsChanged,
     /// The sparse model of the cameras was loaded.

@@ -7,7 +7,7 @@
 //! the command line does. Commands that succeed are collected in a [`Recipe`].
 //!
 //! Values that are derived from the project are computed in the background when they are first
-//! requested. Examples are the cloud, its surface, conflicts and traits. [`Pictures`] and
+//! requested. Examples are the cloud, its surface, conflicts and traits. [`Images`] and
 //! [`Drawings`] load images for display in the same way. [`commands`] implements the commands, and
 //! [`engines`] creates segmenters, trackers and matchers. [`list_engines`] and [`list_models`]
 //! report which of them are available.
@@ -46,6 +46,7 @@ mod engine_table;
 pub mod engines;
 mod event;
 mod grounding;
+mod images;
 mod job_task;
 mod jobs;
 mod limits;
@@ -53,7 +54,6 @@ mod live_preview;
 mod live_revote;
 mod models;
 mod networks;
-mod pictures;
 mod poll;
 mod prepared;
 mod queries;
@@ -71,18 +71,19 @@ pub use drawings::Drawings;
 pub use engine_table::{Engine, EngineKind, list_engines};
 pub use event::{Event, JobView};
 pub use grounding::{FoundThing, Grounding};
+pub use images::Images;
 pub use job_task::{JobTask, JobTitle};
 pub use jobs::JobKind;
 pub use models::{add_model, check_model, install_model, list_models};
-pub use ostra_compute::nn::{Added, CheckedFile, Fetched, Installed, Proof, Provider, Row};
+pub use ostra_compute::nn::{Added, CheckedFile, Fetched, Installed, Provider, Row, Verification};
 pub use ostra_project::suggestion::{Reason, Suggestion};
 pub use ostra_project::{PromptRequest, RangeChange, RangeRequest};
-pub use pictures::Pictures;
 pub use prepared::PreparedFrames;
 pub use queries::{Angles, MeasureSettings, ProposedInstances, SparseModel, Surface};
 pub use recent::Recent;
 pub use requests::{
-    AdoptRequest, CloudChange, CloudCorrection, GroundRequest, InstancesRequest, ModelRequest,
-    ModelTask, PaintRequest, PullRequest, TakeRequest, TidyRequest, TraceRequest, TrackSettings,
+    AttachRequest, CleanRequest, CloudChange, CloudCorrection, GroundRequest, InstancesRequest,
+    ModelRequest, ModelTask, MoveBorderRequest, PaintRequest, TakeRequest, TraceRequest,
+    TrackSettings,
 };
 pub use session::{JobCompletion, Session};

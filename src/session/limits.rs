@@ -60,7 +60,7 @@ impl Command {
             }
             Self::Ground(request) => check_share("the least score", request.threshold),
             Self::Paint(request) => check_stroke(request, &image(request.frame)?),
-            Self::Pull(request) => {
+            Self::MoveBorder(request) => {
                 image(request.frame)?.check("position", [request.from_px, request.to_px])
             }
             Self::Trace(request) => {
@@ -191,7 +191,7 @@ fn check_seen(region: &SeenRegion, project: Option<&Project>) -> Result<()> {
         }
     };
     check_radius(region.radius_px)?;
-    check_share("the least confidence", region.doubtful_below)?;
+    check_share("the least confidence", region.uncertain_below)?;
     image.check("point", region.points_px.iter().copied())
 }
 
@@ -296,7 +296,7 @@ fn check_export(request: &ExportRequest) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{CloudChange, CloudCorrection, PromptRequest, PullRequest, TraceRequest};
+    use crate::{CloudChange, CloudCorrection, MoveBorderRequest, PromptRequest, TraceRequest};
     use ostra_masks::{Click, LabelId, Prompt};
     use ostra_project::SegmenterId;
     use ostra_project::testing::project;
@@ -335,7 +335,7 @@ mod tests {
             remove: false,
             hidden: Vec::new(),
             isolated: None,
-            doubtful_below: None,
+            uncertain_below: None,
             cube_from_world: None,
         };
         vec![
@@ -355,7 +355,7 @@ mod tests {
             }),
             Command::Paint(paint(false)),
             Command::Paint(paint(true)),
-            Command::Pull(PullRequest {
+            Command::MoveBorder(MoveBorderRequest {
                 frame,
                 label,
                 from_px: DVec2::ONE,
@@ -378,7 +378,7 @@ mod tests {
             Command::CorrectCloud(CloudCorrection {
                 select: vec![SelectStep::Seen(seen)],
                 change: CloudChange::Clear,
-                as_anchors: false,
+                as_keyframes: false,
             }),
         ]
     }

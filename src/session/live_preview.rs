@@ -11,7 +11,7 @@ use ostra_reconstruct::stereo::{DepthEstimate, DepthStore, Stage, raster_image};
 const POINTS_A_VIEW: usize = 20_000;
 const POINTS: usize = 2_000_000;
 /// Minimum confidence, 0–255, at which a pixel's depth is shown before filtering.
-const SURE: u8 = 160;
+const CONFIDENT: u8 = 160;
 
 /// Points that a running job has made or placed so far, for display.
 ///
@@ -78,7 +78,7 @@ pub(crate) trait PreviewSink: Sync {
 /// Preview of sensor depth in frames whose poses are found one by one.
 pub(crate) struct PlacedFrames<'a> {
     pub(crate) frames: &'a [Frame],
-    pub(crate) pictures: &'a FrameStore,
+    pub(crate) images: &'a FrameStore,
     pub(crate) sink: &'a dyn PreviewSink,
 }
 
@@ -101,8 +101,8 @@ impl PlacedFrames<'_> {
 
     fn points(&self, number: usize, camera_from_world: &Pose) -> Option<LabelledCloud> {
         let frame = &self.frames[number];
-        let (lens, depth) = (frame.camera?.intrinsics, self.pictures.depth(frame).ok()??);
-        let picture = self.pictures.image(frame).ok()?;
+        let (lens, depth) = (frame.camera?.intrinsics, self.images.depth(frame).ok()??);
+        let image = self.images.image(frame).ok()?;
         let world_from_camera = camera_from_world.inverse();
         let most = (POINTS / self.frames.len().max(1)).min(POINTS_A_VIEW);
         // An odd step avoids columns of pixels for widths that are powers of two.
@@ -115,7 +115,7 @@ impl PlacedFrames<'_> {
             let (x, y) = (at as u32 % depth.width, at as u32 / depth.width);
             let at_px = glam::DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
             let ray = lens.unproject(at_px).extend(1.0) * f64::from(depth.depths[at]);
-            cloud.push(world_from_camera.transform(ray).as_vec3(), picture.at(x, y));
+            cloud.push(world_from_camera.transform(ray).as_vec3(), image.at(x, y));
         }
         Some(cloud)
     }
@@ -125,7 +125,7 @@ impl PlacedFrames<'_> {
 pub(crate) struct WatchedDepths<'a> {
     pub(crate) depths: &'a dyn DepthStore,
     pub(crate) frames: &'a [Frame],
-    pub(crate) pictures: &'a FrameStore,
+    pub(crate) images: &'a FrameStore,
     pub(crate) max_side: u32,
     pub(crate) sink: &'a dyn PreviewSink,
 }
@@ -137,7 +137,11 @@ impl DepthStore for WatchedDepths<'_> {
 
     fn save(&self, frame: usize, stage: Stage, estimate: DepthEstimate) -> Result<(), SceneError> {
         if self.sink.is_watched() {
-            let least = if let Stage::Round(_) = stage { SURE } else { 0 };
+            let least = if let Stage::Round(_) = stage {
+                CONFIDENT
+            } else {
+                0
+            };
             let points = self.points(frame, &estimate, least)?;
             self.sink.show(frame, points)?;
         }
@@ -161,7 +165,7 @@ impl WatchedDepths<'_> {
         let Some((lens, pose)) = self.frames[frame].posed_camera() else {
             return Ok(cloud);
         };
-        let colors = raster_image(&self.frames[frame], lens, self.pictures, self.max_side)?;
+        let colors = raster_image(&self.frames[frame], lens, self.images, self.max_side)?;
         let world_from_camera = pose.inverse();
         let known = (0..estimate.depths.len())
             .filter(|&at| estimate.depths[at] > 0.0 && estimate.confidence[at] >= least);

@@ -7,7 +7,8 @@ use crate::jobs::Job;
 use crate::requests::{ModelRequest, ModelTask};
 use crate::{Command, Event, JobCompletion, JobKind, Session};
 use ostra_compute::nn::{
-    Added, Catalogue, CheckedFile, Fetched, Proof, Row, add, check, install, list, models_folder,
+    Added, Catalogue, CheckedFile, Fetched, Row, Verification, add, check, install, list,
+    models_folder,
 };
 use ostra_core::job::JobId;
 use ostra_core::job::{Progress, Stopped};
@@ -48,12 +49,15 @@ pub fn check_model(name: &str) -> Result<Vec<CheckedFile>> {
 ///
 /// Returns an error if the name is unknown, it has no download address, a download fails, or a file
 /// is not the expected one.
-pub fn install_model(name: &str, told: &mut dyn FnMut(Fetched<'_>) -> bool) -> Result<Vec<Added>> {
+pub fn install_model(
+    name: &str,
+    reported: &mut dyn FnMut(Fetched<'_>) -> bool,
+) -> Result<Vec<Added>> {
     Ok(install(
         &Catalogue::bundled()?,
         &models_folder()?,
         name,
-        told,
+        reported,
     )?)
 }
 
@@ -88,7 +92,7 @@ impl Session {
 fn done(request: &ModelRequest, progress: &Progress) -> Result<Vec<String>> {
     let name = &request.name;
     let added = match &request.task {
-        ModelTask::Install => install_model(name, &mut |now| told(now, progress).is_ok())?,
+        ModelTask::Install => install_model(name, &mut |now| reported(now, progress).is_ok())?,
         ModelTask::Add(files) => add_model(name, files)?,
         ModelTask::Check => {
             check_model(name)?;
@@ -96,14 +100,16 @@ fn done(request: &ModelRequest, progress: &Progress) -> Result<Vec<String>> {
         }
     };
     let unchecked = |added: Added| match added.proof {
-        Proof::None(why) => Some(format!("{}: added unchecked: {why}", added.path.display())),
-        Proof::Fits | Proof::Loads | Proof::Known => None,
+        Verification::None(why) => {
+            Some(format!("{}: added unchecked: {why}", added.path.display()))
+        }
+        Verification::Fits | Verification::Loads | Verification::Known => None,
     };
     Ok(added.into_iter().filter_map(unchecked).collect())
 }
 
 /// Reports how many megabytes of a download have arrived.
-fn told(now: Fetched<'_>, progress: &Progress) -> Result<(), Stopped> {
+fn reported(now: Fetched<'_>, progress: &Progress) -> Result<(), Stopped> {
     let megabytes = |bytes: u64| usize::try_from(bytes / 1_000_000).unwrap_or(usize::MAX);
     let there = megabytes(now.bytes);
     match now.of {

@@ -113,7 +113,7 @@ impl PreparedFrames {
             "{} {} {:?} {:?}",
             segmenter.name(),
             segmenter.basis(),
-            frame.picture,
+            frame.image,
             frame.depth
         );
         let ready = self.slot(&key);

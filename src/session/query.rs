@@ -42,7 +42,7 @@ pub(crate) trait QueryKey: Clone + PartialEq + Send + 'static {
 /// another one was requested.
 pub(crate) struct Query<K, V> {
     /// Newest requested key.
-    asked: RefCell<Option<K>>,
+    requested: RefCell<Option<K>>,
     /// Whether its value was missing at the time of the request.
     is_wanted: Cell<bool>,
     known: Option<(K, Arc<V>)>,
@@ -81,7 +81,7 @@ impl<V> From<V> for WithWarnings<V> {
 impl<K, V> Default for Query<K, V> {
     fn default() -> Self {
         Self {
-            asked: RefCell::new(None),
+            requested: RefCell::new(None),
             is_wanted: Cell::new(false),
             known: None,
             running: None,
@@ -96,7 +96,7 @@ impl<K: QueryKey, V> Query<K, V> {
         let known = self.known(&key);
         self.is_wanted
             .set(known.as_ref().is_none_or(|known| !known.is_current));
-        self.asked.replace(Some(key));
+        self.requested.replace(Some(key));
         known
     }
 
@@ -118,16 +118,16 @@ impl<K: QueryKey, V> Query<K, V> {
     }
 
     /// Returns the newest requested key.
-    pub(crate) fn asked(&self) -> Option<K> {
-        self.asked.borrow().clone()
+    pub(crate) fn requested(&self) -> Option<K> {
+        self.requested.borrow().clone()
     }
 
     /// Returns the value of the newest requested key, once it has arrived.
     pub(crate) fn newest(&self) -> Option<&(K, Arc<V>)> {
-        let asked = self.asked.borrow();
+        let requested = self.requested.borrow();
         self.known
             .as_ref()
-            .filter(|(of, _)| asked.as_ref() == Some(of))
+            .filter(|(of, _)| requested.as_ref() == Some(of))
     }
 
     /// Changes the known value in place.
@@ -142,7 +142,7 @@ impl<K: QueryKey, V> Query<K, V> {
 
     /// Sets the value of a key, as if it had been requested.
     pub(crate) fn put(&mut self, key: K, value: Arc<V>) {
-        self.asked.replace(Some(key.clone()));
+        self.requested.replace(Some(key.clone()));
         self.is_wanted.set(false);
         self.failed = None;
         self.known = Some((key, value));
@@ -162,10 +162,10 @@ impl<K: QueryKey, V> Query<K, V> {
     ///
     /// Work that has become obsolete is discarded.
     pub(crate) fn next<S: 'static>(&mut self, jobs: &mut Jobs<S>) -> Option<K> {
-        let asked = self.asked.borrow().clone()?;
+        let requested = self.requested.borrow().clone()?;
         if let Some(running) = &mut self.running {
             if jobs.is_working(running.job) {
-                if !running.is_obsolete && running.key.is_obsolete(&asked) {
+                if !running.is_obsolete && running.key.is_obsolete(&requested) {
                     running.is_obsolete = true;
                     jobs.discard(running.job);
                 }
@@ -177,8 +177,8 @@ impl<K: QueryKey, V> Query<K, V> {
             }
             self.running = None;
         }
-        let is_open = self.is_wanted.take() && self.failed.as_ref() != Some(&asked);
-        is_open.then_some(asked)
+        let is_open = self.is_wanted.take() && self.failed.as_ref() != Some(&requested);
+        is_open.then_some(requested)
     }
 
     /// Notes that a job works on a key.
@@ -195,10 +195,10 @@ impl<K: QueryKey, V> Query<K, V> {
         let Some(running) = self.running.take_if(|running| running.job == job) else {
             return false;
         };
-        let is_open = (self.asked.borrow().as_ref())
-            .is_some_and(|asked| !running.is_obsolete && !running.key.is_obsolete(asked));
+        let is_open = (self.requested.borrow().as_ref())
+            .is_some_and(|requested| !running.is_obsolete && !running.key.is_obsolete(requested));
         if is_open {
-            let is_newest = self.asked.borrow().as_ref() == Some(&running.key);
+            let is_newest = self.requested.borrow().as_ref() == Some(&running.key);
             self.is_wanted.set(self.is_wanted.get() && !is_newest);
             self.failed = None;
             self.known = Some((running.key, value));

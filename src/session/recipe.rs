@@ -34,10 +34,12 @@ impl Session {
         else {
             return;
         };
-        let mut told = Ok(());
+        let mut reported = Ok(());
         match &command {
             Command::New(_) | Command::Close | Command::Inspect(_) => self.recipe.commands.clear(),
-            Command::Open(root) | Command::View(root) => (self.recipe.commands, told) = read(root),
+            Command::Open(root) | Command::View(root) => {
+                (self.recipe.commands, reported) = read(root);
+            }
             _ => {}
         }
         let is_step = match &command {
@@ -50,13 +52,13 @@ impl Session {
             self.recipe.commands.push(command);
             // A project that was only opened is not changed, nor one that is open for viewing.
             let is_kept = !is_opening && self.view_reason().is_none();
-            told = told.and(if is_kept {
+            reported = reported.and(if is_kept {
                 self.write_last_step()
             } else {
                 Ok(())
             });
         }
-        if let Err(error) = told {
+        if let Err(error) = reported {
             self.events
                 .push(Event::Warning(format!("{error:#}; the recipe lacks steps")));
         }
@@ -117,14 +119,14 @@ fn read(root: &Path) -> (Vec<Command>, Result<()>) {
         .filter(|line| !line.is_empty())
         .map(serde_json::from_str);
     let (commands, damaged): (Vec<_>, Vec<_>) = lines.partition(Result::is_ok);
-    let told = match damaged.len() {
+    let reported = match damaged.len() {
         0 => Ok(()),
         count => Err(anyhow::anyhow!(
             "{}: {count} of its lines are damaged",
             path.display()
         )),
     };
-    (commands.into_iter().flatten().collect(), told)
+    (commands.into_iter().flatten().collect(), reported)
 }
 
 #[cfg(test)]
@@ -134,15 +136,16 @@ mod tests {
     #[test]
     fn commands_of_earlier_sessions_are_read_and_damage_is_reported() {
         let dir = tempfile::tempdir().unwrap();
-        let (none, told) = read(dir.path());
-        assert!(none.is_empty() && told.is_ok());
-        let anchor = Command::MakeAnchor { frame: 3 };
-        let line = serde_json::to_string(&anchor).unwrap();
+        let (none, reported) = read(dir.path());
+        assert!(none.is_empty() && reported.is_ok());
+        let keyframe = Command::MakeKeyframe { frame: 3 };
+        let line = serde_json::to_string(&keyframe).unwrap();
         std::fs::write(dir.path().join(FILE), format!("\n{line}\n{{\"und\n{line}")).unwrap();
-        let (commands, told) = read(dir.path());
-        assert_eq!(commands, vec![anchor; 2]);
+        let (commands, reported) = read(dir.path());
+        assert_eq!(commands, vec![keyframe; 2]);
         assert!(
-            told.unwrap_err()
+            reported
+                .unwrap_err()
                 .to_string()
                 .ends_with("recipe.jsonl: 1 of its lines are damaged")
         );

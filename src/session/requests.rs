@@ -62,7 +62,7 @@ pub struct PaintRequest {
 
 /// A drag of a label's border on a frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct PullRequest {
+pub struct MoveBorderRequest {
     /// Frame number.
     pub frame: usize,
     /// Label whose border is dragged.
@@ -91,7 +91,7 @@ pub struct TraceRequest {
 
 /// Holes to fill and islands to remove in a label on a frame.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct TidyRequest {
+pub struct CleanRequest {
     /// Frame number.
     pub frame: usize,
     /// Label to clean; pixels of other labels stay unchanged.
@@ -169,20 +169,20 @@ impl TrackSettings {
     /// are keyframes.
     pub fn around(self, project: &Project, frame: usize) -> Result<Self> {
         project.frame(frame)?;
-        let is_anchor = project
+        let is_keyframe = project
             .masks
             .get(&frame)
-            .is_some_and(|mask| mask.origin == MaskOrigin::Anchor);
+            .is_some_and(|mask| mask.origin == MaskOrigin::Keyframe);
         ensure!(
-            is_anchor,
-            "frame {frame} is no anchor; prompt, paint or accept its mask first"
+            is_keyframe,
+            "frame {frame} is not a keyframe; prompt, paint or accept its mask first"
         );
-        let (before, after) = project.neighbour_anchors(frame);
-        let from = before.map_or(0, |anchor| anchor + 1);
+        let (before, after) = project.neighbour_keyframes(frame);
+        let from = before.map_or(0, |keyframe| keyframe + 1);
         let to = after.unwrap_or(project.frames.len()) - 1;
         ensure!(
             from < to,
-            "around frame {frame} there is nothing to track: the frames next to it are anchors too"
+            "there is nothing to track around frame {frame}: the frames next to it are keyframes too"
         );
         Ok(Self {
             from: Some(from),
@@ -205,14 +205,14 @@ pub struct InstancesRequest {
 /// Settings for assigning unlabelled pieces to the labelled object they are attached to.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct AdoptRequest {
+pub struct AttachRequest {
     /// Maximum distance of connected points as a multiple of the spacing, 1.5–20.
     ///
     /// The spacing is the median distance between labelled neighbours.
     pub radius: f64,
 }
 
-impl Default for AdoptRequest {
+impl Default for AttachRequest {
     fn default() -> Self {
         Self { radius: 3.0 }
     }
@@ -229,7 +229,8 @@ pub struct CloudCorrection {
     ///
     /// Otherwise their origin stays the same, and a frame without a mask gets a tracked one.
     #[serde(default)]
-    pub as_anchors: bool,
+    #[serde(alias = "as_anchors")]
+    pub as_keyframes: bool,
 }
 
 /// A change of the pixels that see the selected points.
@@ -297,7 +298,7 @@ impl ModelRequest {
 mod tests {
     use super::*;
     use ostra_project::Edit;
-    use ostra_project::testing::{anchor, project, tracked};
+    use ostra_project::testing::{keyframe, project, tracked};
 
     #[test]
     fn correction_affects_frames_between_the_neighbouring_keyframes() {
@@ -316,18 +317,18 @@ mod tests {
                 })
                 .unwrap()
         };
-        set(&mut project, 1, anchor([1, 0, 0]));
+        set(&mut project, 1, keyframe([1, 0, 0]));
         set(&mut project, 2, tracked([1, 0, 0]));
         assert_eq!(around(&project, 1), Ok((0, 4)));
-        assert!(around(&project, 2).unwrap_err().contains("no anchor"));
+        assert!(around(&project, 2).unwrap_err().contains("not a keyframe"));
         assert!(around(&project, 5).unwrap_err().contains("frames 0 to 4"));
-        set(&mut project, 3, anchor([1, 0, 0]));
+        set(&mut project, 3, keyframe([1, 0, 0]));
         assert_eq!(
             (around(&project, 1), around(&project, 3)),
             (Ok((0, 2)), Ok((2, 4)))
         );
-        set(&mut project, 4, anchor([1, 0, 0]));
-        set(&mut project, 2, anchor([1, 0, 0]));
+        set(&mut project, 4, keyframe([1, 0, 0]));
+        set(&mut project, 2, keyframe([1, 0, 0]));
         assert!(
             around(&project, 3)
                 .unwrap_err()

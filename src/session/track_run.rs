@@ -104,15 +104,15 @@ pub fn track_request(
         .labels
         .iter()
         .try_for_each(|&id| label_name(project, id).map(drop))?;
-    let anchors = project
+    let keyframes = project
         .masks
         .iter()
-        .filter(|(_, mask)| mask.origin == MaskOrigin::Anchor);
-    let anchors: BTreeMap<_, _> = anchors
+        .filter(|(_, mask)| mask.origin == MaskOrigin::Keyframe);
+    let keyframes: BTreeMap<_, _> = keyframes
         .map(|(&frame, mask)| (frame, Arc::new(mask.runs.decode())))
         .collect();
-    if anchors.is_empty() {
-        bail!("no frame has a mask to carry; prompt or paint one first");
+    if keyframes.is_empty() {
+        bail!("no frame has a mask to track; prompt or paint one first");
     }
     let (frames, store) = (Arc::clone(&project.frames), Arc::clone(store));
     let labels = LabelChoice::new(&settings.labels, settings.replace)
@@ -121,7 +121,7 @@ pub fn track_request(
     Ok(TrackRequest {
         frames,
         store,
-        anchors,
+        keyframes,
         from,
         to,
         direction: settings.direction,
@@ -130,7 +130,7 @@ pub fn track_request(
 }
 
 /// Converts a tracker's result to the form of a project.
-pub fn carried(tracked: TrackedFrame) -> (usize, FrameMask) {
+pub fn transferred(tracked: TrackedFrame) -> (usize, FrameMask) {
     let TrackedFrame {
         frame,
         mask,
@@ -150,17 +150,17 @@ pub fn carried(tracked: TrackedFrame) -> (usize, FrameMask) {
 }
 
 /// Returns whether the keyframes differ from those that a run started from.
-pub(crate) fn anchors_differ(before: &Project, now: &Project) -> bool {
-    let anchors = |project: &Project| -> Vec<_> {
-        let anchors = project
+pub(crate) fn keyframes_differ(before: &Project, now: &Project) -> bool {
+    let keyframes = |project: &Project| -> Vec<_> {
+        let keyframes = project
             .masks
             .iter()
-            .filter(|(_, mask)| mask.origin == MaskOrigin::Anchor);
-        anchors
+            .filter(|(_, mask)| mask.origin == MaskOrigin::Keyframe);
+        keyframes
             .map(|(&frame, mask)| (frame, Arc::clone(&mask.runs)))
             .collect()
     };
-    anchors(before) != anchors(now)
+    keyframes(before) != keyframes(now)
 }
 
 /// Returns the names of the labels to track; empty means all.

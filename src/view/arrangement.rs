@@ -345,7 +345,7 @@ impl Arranging {
         let wanted = Arc::new(());
         let is_wanted = Arc::downgrade(&wanted);
         // Sending fails only if the result is no longer wanted.
-        beside_jobs(move || arrange(&cloud, before, &sender, &is_wanted).unwrap_or_default());
+        outside_job_pool(move || arrange(&cloud, before, &sender, &is_wanted).unwrap_or_default());
         Self {
             arrived,
             _wanted: wanted,
@@ -365,7 +365,7 @@ impl Arranging {
 /// Runs work on a thread pool of its own, with half as many threads as the machine has.
 ///
 /// In the global pool it would wait for the jobs of the program.
-pub(super) fn beside_jobs(work: impl FnOnce() + Send + 'static) {
+pub(super) fn outside_job_pool(work: impl FnOnce() + Send + 'static) {
     let threads = std::thread::available_parallelism().map_or(1, |all| all.get().div_ceil(2));
     match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
         Ok(pool) => pool.spawn(work),

@@ -78,10 +78,10 @@ impl Axes {
         let posed = frames.iter().filter_map(Frame::posed_camera);
         let turns: Vec<DQuat> = posed.map(|(_, pose)| pose.rotation.conjugate()).collect();
         let up = upright(&turns).as_vec3();
-        let looks: Vec<Vec3> = turns.iter().map(|turn| turn.as_quat() * Vec3::Z).collect();
-        let level =
-            (looks.iter().sum::<Vec3>() / looks.len().max(1) as f32).reject_from_normalized(up);
-        let first = looks.first().copied().unwrap_or(Vec3::Z);
+        let directions: Vec<Vec3> = turns.iter().map(|turn| turn.as_quat() * Vec3::Z).collect();
+        let level = (directions.iter().sum::<Vec3>() / directions.len().max(1) as f32)
+            .reject_from_normalized(up);
+        let first = directions.first().copied().unwrap_or(Vec3::Z);
         Self::new(
             up,
             if level.length() > LEVEL_SHARE {

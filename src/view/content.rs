@@ -5,7 +5,7 @@ use super::paint::Paint;
 use super::pipelines::Pipelines;
 use super::point_blocks::PointBlocks;
 use super::surface_chunks::SurfaceChunks;
-use super::{Appearance, Line, PicturePlane, SceneStyle, ViewCamera};
+use super::{Appearance, ImagePlane, Line, SceneStyle, ViewCamera};
 use ostra_cloud::{LabelledCloud, LabelledMesh};
 
 /// The model shown in the 3-D view.
@@ -306,5 +306,5 @@ pub struct Scene3d {
     /// Line segments, e.g. [`super::frustum_lines`]; never clipped.
     pub lines: Vec<Line>,
     /// Images placed in the scene; never clipped.
-    pub planes: Vec<PicturePlane>,
+    pub planes: Vec<ImagePlane>,
 }

@@ -12,14 +12,14 @@ use ostra_reconstruct::rgbd::{FrameLink, LinkKind};
 
 /// An image placed in the scene.
 #[derive(Debug, Clone, PartialEq)]
-pub struct PicturePlane {
+pub struct ImagePlane {
     /// World positions of the corners: top left, top right, bottom right, bottom left.
     pub corners: [[f32; 3]; 4],
     /// The image shown on the plane.
     pub image: Arc<Image>,
 }
 
-impl PicturePlane {
+impl ImagePlane {
     /// Places a frame's image at `depth` (world units) in front of its camera.
     ///
     /// Returns `None` if the pose is unknown.
@@ -57,7 +57,7 @@ pub(super) struct Planes {
 /// Image planes on the GPU, ready to be drawn.
 pub(super) struct Placed {
     corners: wgpu::Buffer,
-    pictures: Vec<wgpu::BindGroup>,
+    images: Vec<wgpu::BindGroup>,
 }
 
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
@@ -84,7 +84,7 @@ impl Planes {
         };
         let filtering = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: Some("picture plane"),
+            label: Some("image plane"),
             entries: &[entry(0, texture), entry(1, filtering)],
         });
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
@@ -119,37 +119,33 @@ impl Planes {
         &mut self,
         device: &wgpu::Device,
         queue: &wgpu::Queue,
-        planes: &[PicturePlane],
+        planes: &[ImagePlane],
     ) -> Placed {
         let mut before = std::mem::take(&mut self.kept);
         for plane in planes {
             let known = before
                 .iter()
                 .position(|(image, _)| Arc::ptr_eq(image, &plane.image));
-            let picture = known.map_or_else(
+            let image = known.map_or_else(
                 || {
                     (
                         Arc::clone(&plane.image),
-                        self.picture(device, queue, &plane.image),
+                        self.image(device, queue, &plane.image),
                     )
                 },
                 |at| before.swap_remove(at),
             );
-            self.kept.push(picture);
+            self.kept.push(image);
         }
         let vertices: Vec<PlaneVertex> = planes.iter().flat_map(strip).collect();
         let corners = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: Some("picture planes"),
+            label: Some("image planes"),
             contents: bytemuck::cast_slice(&vertices),
             usage: wgpu::BufferUsages::VERTEX,
         });
         Placed {
             corners,
-            pictures: self
-                .kept
-                .iter()
-                .map(|(_, picture)| picture.clone())
-                .collect(),
+            images: self.kept.iter().map(|(_, image)| image.clone()).collect(),
         }
     }
 
@@ -157,19 +153,14 @@ impl Planes {
     pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, placed: &Placed) {
         pass.set_pipeline(&self.pipeline);
         pass.set_vertex_buffer(0, placed.corners.slice(..));
-        for (number, picture) in placed.pictures.iter().enumerate() {
-            pass.set_bind_group(1, picture, &[]);
+        for (number, image) in placed.images.iter().enumerate() {
+            pass.set_bind_group(1, image, &[]);
             let first = number as u32 * 4;
             pass.draw(first..first + 4, 0..1);
         }
     }
 
-    fn picture(
-        &self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        image: &Image,
-    ) -> wgpu::BindGroup {
+    fn image(&self, device: &wgpu::Device, queue: &wgpu::Queue, image: &Image) -> wgpu::BindGroup {
         let pixels: Vec<[u8; 4]> = image
             .pixels
             .iter()
@@ -178,7 +169,7 @@ impl Planes {
         let texture = device.create_texture_with_data(
             queue,
             &wgpu::TextureDescriptor {
-                label: Some("picture plane"),
+                label: Some("image plane"),
                 size: wgpu::Extent3d {
                     width: image.width,
                     height: image.height,
@@ -196,7 +187,7 @@ impl Planes {
         );
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("picture plane"),
+            label: Some("image plane"),
             layout: &self.layout,
             entries: &[
                 wgpu::BindGroupEntry {
@@ -213,7 +204,7 @@ impl Planes {
 }
 
 /// Returns the corners in the order of a strip of two triangles.
-fn strip(plane: &PicturePlane) -> [PlaneVertex; 4] {
+fn strip(plane: &ImagePlane) -> [PlaneVertex; 4] {
     let [top_left, top_right, bottom_right, bottom_left] = plane.corners;
     [
         (top_left, [0.0, 0.0]),
@@ -298,7 +289,7 @@ pub fn link_lines(frames: &[Frame], links: &[FrameLink]) -> Vec<Line> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ostra_frames::{FrameCamera, PictureSource};
+    use ostra_frames::{FrameCamera, ImageSource};
     use ostra_geometry::{Camera, Pose};
 
     #[test]
@@ -308,7 +299,7 @@ mod tests {
                 translation: glam::DVec3::new(-x, 0.0, 0.0),
                 ..Pose::IDENTITY
             });
-            let picture = PictureSource::File {
+            let image = ImageSource::File {
                 path: "a.png".into(),
                 orientation: Default::default(),
             };
@@ -320,7 +311,7 @@ mod tests {
                 name: "a".into(),
                 width: 4,
                 height: 3,
-                picture,
+                image,
                 depth: None,
                 camera,
             }

@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use super::style::ramp;
 use ostra_core::statistics::trimmed_range;
-use ostra_frames::{DepthMap, Frame, FrameError, FrameStore, Image, MadeDepth};
+use ostra_frames::{DepthMap, EstimatedDepth, Frame, FrameError, FrameStore, Image};
 
 /// A layer of a frame that can be displayed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
@@ -20,7 +20,7 @@ pub enum Layer {
 
 /// A layer rendered as an image of the frame's size.
 #[derive(Debug, Clone, PartialEq)]
-pub struct LayerPicture {
+pub struct LayerImage {
     /// The rendered image; unknown pixels are dark grey.
     pub image: Arc<Image>,
     /// Values at the ends of the colour ramp: world units for depth, 0–1 for confidence.
@@ -59,23 +59,23 @@ pub fn draw_layer(
     layer: Layer,
     frame: &Frame,
     store: &FrameStore,
-) -> Result<Option<LayerPicture>, FrameError> {
+) -> Result<Option<LayerImage>, FrameError> {
     Ok(match layer {
-        Layer::Photo => Some(LayerPicture {
+        Layer::Photo => Some(LayerImage {
             image: store.image(frame)?,
             range: None,
         }),
         Layer::Depth => store.depth(frame)?.map(|depth| draw_depth(&depth)),
         Layer::Normals => store
-            .made_depth(frame)?
+            .estimated_depth(frame)?
             .map(|made| draw_normals(&made, frame)),
         Layer::Confidence => store
-            .made_depth(frame)?
+            .estimated_depth(frame)?
             .map(|made| draw_confidence(&made, frame)),
     })
 }
 
-fn draw_depth(depth: &DepthMap) -> LayerPicture {
+fn draw_depth(depth: &DepthMap) -> LayerImage {
     let mut known: Vec<f32> = depth
         .depths
         .iter()
@@ -90,7 +90,7 @@ fn draw_depth(depth: &DepthMap) -> LayerPicture {
         _ => UNKNOWN,
     };
     let pixels = depth.depths.iter().map(color).collect();
-    LayerPicture {
+    LayerImage {
         image: Arc::new(Image {
             width: depth.width,
             height: depth.height,
@@ -100,29 +100,29 @@ fn draw_depth(depth: &DepthMap) -> LayerPicture {
     }
 }
 
-fn draw_normals(made: &MadeDepth, frame: &Frame) -> LayerPicture {
+fn draw_normals(made: &EstimatedDepth, frame: &Frame) -> LayerImage {
     let color = |at: usize| match made.normals[at] {
         [0, 0, 0] => UNKNOWN,
         [x, y, z] => [x, y, -z.max(-127)].map(|along| (i16::from(along) + 128) as u8),
     };
-    LayerPicture {
+    LayerImage {
         image: Arc::new(seen(made, frame, color)),
         range: None,
     }
 }
 
-fn draw_confidence(made: &MadeDepth, frame: &Frame) -> LayerPicture {
+fn draw_confidence(made: &EstimatedDepth, frame: &Frame) -> LayerImage {
     let color = |at: usize| match made.depth.depths[at] {
         depth if depth > 0.0 => ramp(f32::from(made.confidence[at]) / 255.0),
         _ => UNKNOWN,
     };
-    LayerPicture {
+    LayerImage {
         image: Arc::new(seen(made, frame, color)),
         range: Some([0.0, 1.0]),
     }
 }
 
-fn seen(made: &MadeDepth, frame: &Frame, color: impl Fn(usize) -> [u8; 3]) -> Image {
+fn seen(made: &EstimatedDepth, frame: &Frame, color: impl Fn(usize) -> [u8; 3]) -> Image {
     let pixels = made
         .pixels_seen_by(frame)
         .map(|at| at.map_or(UNKNOWN, &color))
@@ -137,7 +137,7 @@ fn seen(made: &MadeDepth, frame: &Frame, color: impl Fn(usize) -> [u8; 3]) -> Im
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ostra_frames::{Orientation, PictureSource};
+    use ostra_frames::{ImageSource, Orientation};
     use ostra_geometry::Camera;
 
     #[test]
@@ -173,7 +173,7 @@ mod tests {
 
     #[test]
     fn normals_and_confidence_are_aligned_with_the_image() {
-        let made = MadeDepth {
+        let made = EstimatedDepth {
             camera: Camera::pinhole(2, 1, 2.0, 2.0, 1.0, 0.5),
             depth: DepthMap {
                 width: 2,
@@ -183,7 +183,7 @@ mod tests {
             normals: vec![[0, 0, -127], [0; 3]],
             confidence: vec![255, 9],
         };
-        let picture = PictureSource::File {
+        let image = ImageSource::File {
             path: "a.png".into(),
             orientation: Orientation::default(),
         };
@@ -191,7 +191,7 @@ mod tests {
             name: "a".into(),
             width: 4,
             height: 2,
-            picture,
+            image,
             depth: None,
             camera: None,
         };

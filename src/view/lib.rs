@@ -5,7 +5,7 @@
 //! bounded batch per call, so that the window stays responsive for clouds of any size.
 //! [`draw_cloud`] and [`draw_mesh`] are its CPU twins. They return a [`Shot`], which [`write_png`]
 //! saves. Screenshots are always drawn on the CPU, so that they are the same on every machine.
-//! [`Portrait`] draws a model at any size and rotation.
+//! [`RenderRequest`] draws a model at any size and rotation.
 //!
 //! [`draw_layer`] renders the image, depth, normals or confidence of a frame. [`overlay`] and
 //! [`hatch`] render masks and regions as translucent pixels. [`pick_point`] and [`pick_frustum`]
@@ -41,8 +41,8 @@ mod paint;
 mod pick;
 mod pipelines;
 mod point_blocks;
-mod portrait;
 mod raster;
+mod render_request;
 mod scene_view;
 mod shot;
 mod style;
@@ -52,14 +52,14 @@ mod view_camera;
 
 pub use axes::{Axes, Bounds, Side};
 pub use content::{Model, Scene3d};
-pub use frame_shapes::{Line, PicturePlane, frustum_lines, link_lines};
-pub use layers::{Layer, LayerPicture, draw_layer};
+pub use frame_shapes::{ImagePlane, Line, frustum_lines, link_lines};
+pub use layers::{Layer, LayerImage, draw_layer};
 pub use mesh_raster::draw_mesh;
 pub use orbit::Orbit;
 pub use overlay::{OverlayStyle, hatch, overlay};
 pub use pick::{Picking, pick_frustum, pick_point};
-pub use portrait::Portrait;
 pub use raster::draw_cloud;
+pub use render_request::RenderRequest;
 pub use scene_view::SceneView;
 pub use shot::{Shot, ViewError, default_view, write_png};
 pub use style::{Appearance, Clip, Coloring, SceneStyle, ramp};

@@ -224,14 +224,14 @@ mod tests {
             },
             ..Default::default()
         };
-        let picture = draw_mesh(&mesh, &camera, &style).image;
-        let at = |picture: &Image, x: usize, y: usize| picture.pixels[y * 80 + x];
-        assert!(at(&picture, 30, 50)[1] > 150, "{:?}", at(&picture, 30, 50));
-        assert!(at(&picture, 50, 30)[0] > 150 && at(&picture, 50, 30)[1] == 0);
-        assert_eq!(at(&picture, 2, 2), style.background);
+        let image = draw_mesh(&mesh, &camera, &style).image;
+        let at = |image: &Image, x: usize, y: usize| image.pixels[y * 80 + x];
+        assert!(at(&image, 30, 50)[1] > 150, "{:?}", at(&image, 30, 50));
+        assert!(at(&image, 50, 30)[0] > 150 && at(&image, 50, 30)[1] == 0);
+        assert_eq!(at(&image, 2, 2), style.background);
         // The square is 50 pixels wide: no cracks, no doubled pixels between its triangles.
         assert_eq!(
-            picture
+            image
                 .pixels
                 .iter()
                 .filter(|&&color| color != style.background)

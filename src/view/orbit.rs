@@ -78,8 +78,8 @@ impl Orbit {
 
     /// Rotates the camera to a side of the scene; the target stays the same.
     pub fn look_from(&mut self, axes: &Axes, side: Side) {
-        let (direction, up_in_picture) = axes.look_from(side);
-        self.rotation = look_rotation(direction, up_in_picture);
+        let (direction, up_in_image) = axes.look_from(side);
+        self.rotation = look_rotation(direction, up_in_image);
         self.up = axes.up;
     }
 
@@ -225,10 +225,10 @@ mod tests {
         orbit.look_from(&axes, Side::Top);
         assert!(at(&orbit, axes.forward).y < -50.0 && at(&orbit, axes.right).x > 50.0);
         for pull in [30.0, -30.0] {
-            let mut tilted = orbit;
-            tilted.orbit(Vec2::new(0.0, pull));
+            let mut asift = orbit;
+            asift.orbit(Vec2::new(0.0, pull));
             assert!(
-                (tilted.rotation.conjugate() * Vec3::NEG_Y).dot(orbit.up) > -1e-3,
+                (asift.rotation.conjugate() * Vec3::NEG_Y).dot(orbit.up) > -1e-3,
                 "{pull}"
             );
         }

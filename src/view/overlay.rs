@@ -159,7 +159,7 @@ mod tests {
         let stripes = (6..24).filter(|&x| opaque(x, 10)).count();
         assert!(
             (6..=12).contains(&stripes),
-            "half of it shows the picture: {stripes}"
+            "half of it shows the image: {stripes}"
         );
         assert!((0..1200).all(|at| region.inside[at] || pixels[at] == [0; 4]));
     }

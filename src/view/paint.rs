@@ -22,7 +22,7 @@ const SAMPLED: usize = 100_000;
 pub(super) struct Paint {
     labels: LabelColors,
     source: Source,
-    doubtful_below: Option<f32>,
+    uncertain_below: Option<f32>,
     /// Opacity of faint points.
     faint: u8,
 }
@@ -52,7 +52,7 @@ impl Paint {
         Self {
             labels: LabelColors::new(tree, appearance),
             source: Source::new(cloud, appearance),
-            doubtful_below: appearance.doubtful_below,
+            uncertain_below: appearance.uncertain_below,
             faint: faint_opacity(appearance),
         }
     }
@@ -77,8 +77,8 @@ impl Paint {
     pub(super) fn opacity(&self, cloud: &LabelledCloud, index: usize) -> u8 {
         let of_label = self.labels.get(cloud.labels[index])[3];
         let stands_out = self
-            .doubtful_below
-            .is_none_or(|below| cloud.is_doubtful(index, below));
+            .uncertain_below
+            .is_none_or(|below| cloud.is_uncertain(index, below));
         if stands_out {
             of_label
         } else {
@@ -294,7 +294,7 @@ mod tests {
         assert_eq!(
             by(Coloring::Conflict),
             solid([UNKNOWN; 4]),
-            "nobody knows who voted"
+            "the voters are not known"
         );
     }
 
@@ -348,13 +348,13 @@ mod tests {
                 .collect()
         };
         let mut appearance = Appearance {
-            doubtful_below: Some(0.7),
+            uncertain_below: Some(0.7),
             ..Appearance::default()
         };
         assert_eq!(
             opacities(&appearance),
             [0, 255, 0, 0],
-            "nobody voted on the first and the last"
+            "the first and the last have no votes"
         );
         (appearance.faint, appearance.isolated) = (0.2, Some(LabelId(3)));
         assert_eq!(opacities(&appearance), [51, 51, 51, 51]);

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::arrangement::beside_jobs;
+use super::arrangement::outside_job_pool;
 use super::paint::Paint;
 use super::{Appearance, Clip, ViewCamera};
 use ostra_cloud::LabelledCloud;
@@ -92,7 +92,7 @@ impl Picking {
         wake: impl FnOnce() + Send + 'static,
     ) -> Self {
         let (sender, found) = channel();
-        beside_jobs(move || {
+        outside_job_pool(move || {
             // Sending fails only if the result is no longer wanted.
             let _ = sender.send(pick_point(
                 &cloud,

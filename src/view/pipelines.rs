@@ -13,7 +13,7 @@ pub(super) struct Pipelines {
     pub surface: wgpu::RenderPipeline,
     pub edges: wgpu::RenderPipeline,
     pub planes: Planes,
-    pub growths: Growths,
+    pub splat_scales: Growths,
     pub eye: wgpu::Buffer,
     pub bindings: wgpu::BindGroup,
 }
@@ -77,13 +77,13 @@ impl Pipelines {
                 resource: eye.as_entire_binding(),
             }],
         });
-        let growths = Growths::new(device);
+        let splat_scales = Growths::new(device);
         let made = |shader, shape| pipeline(device, &[&layout], shader, shape);
         let surface = || wgpu::include_wgsl!("shaders/surface.wgsl");
         Self {
             points: pipeline(
                 device,
-                &[&layout, &growths.layout],
+                &[&layout, &splat_scales.layout],
                 wgpu::include_wgsl!("shaders/points.wgsl"),
                 &DISCS,
             ),
@@ -91,7 +91,7 @@ impl Pipelines {
             surface: made(surface(), &TRIANGLES),
             edges: made(surface(), &EDGES),
             planes: Planes::new(device, &layout),
-            growths,
+            splat_scales,
             eye,
             bindings,
         }

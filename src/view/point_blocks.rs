@@ -204,7 +204,7 @@ impl PointBlocks {
             let OnGpu { points, count } = &self.on_gpu[part.block];
             let end = part.share.min(*count).min(part.drawn + room);
             if let (Some(points), true) = (points, part.drawn < end) {
-                pipelines.growths.bind(pass, part.share, part.all);
+                pipelines.splat_scales.bind(pass, part.share, part.all);
                 let size = size_of::<PointInstance>() as u64;
                 pass.set_vertex_buffer(0, points.slice(..*count as u64 * size));
                 pass.draw(0..4, part.drawn as u32..end as u32);
@@ -347,10 +347,10 @@ mod tests {
             around(Vec3::ZERO, 0.1),
             camera.unproject(glam::Vec2::new(160.0, 100.0), -2.0),
         );
-        let beside = camera.unproject(glam::Vec2::new(-200.0, 100.0), 3.0);
+        let adjacent = camera.unproject(glam::Vec2::new(-200.0, 100.0), 3.0);
         let frustum = Frustum::new(&camera, &style);
-        assert!(frustum.reaches(&inside) && frustum.reaches(&around(beside, 50.0)));
-        assert!(!frustum.reaches(&around(behind, 0.1)) && !frustum.reaches(&around(beside, 0.1)));
+        assert!(frustum.reaches(&inside) && frustum.reaches(&around(adjacent, 50.0)));
+        assert!(!frustum.reaches(&around(behind, 0.1)) && !frustum.reaches(&around(adjacent, 0.1)));
         let axes = Axes::new(Vec3::NEG_Y, Vec3::Z);
         let clip = Clip::inside(
             &axes,

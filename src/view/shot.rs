@@ -150,7 +150,7 @@ pub fn write_png(path: &Path, shot: &Shot, transparent: bool) -> Result<(), View
 #[derive(Debug, thiserror::Error)]
 pub enum ViewError {
     /// The image cannot be written.
-    #[error("{}: the picture cannot be written ({what}); check the folder and its permissions", path.display())]
+    #[error("{}: the image cannot be written ({what}); check the folder and its permissions", path.display())]
     Write {
         /// The file.
         path: PathBuf,

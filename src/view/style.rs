@@ -66,8 +66,8 @@ pub struct Appearance {
     pub isolated: Option<LabelId>,
     /// Share of the votes, 0–1, below which a point stands out; all other points are faint.
     ///
-    /// See [`ostra_cloud::LabelledCloud::is_doubtful`]. `None` means that all points stand out.
-    pub doubtful_below: Option<f32>,
+    /// See [`ostra_cloud::LabelledCloud::is_uncertain`]. `None` means that all points stand out.
+    pub uncertain_below: Option<f32>,
     /// Opacity of faint points, 0 (not drawn) to 1.
     pub faint: f32,
     /// Label tree that replaces the one of the cloud, for newer names and colours.
@@ -85,7 +85,7 @@ impl Default for Appearance {
             level: None,
             hidden: BTreeSet::new(),
             isolated: None,
-            doubtful_below: None,
+            uncertain_below: None,
             faint: 0.0,
             tree: None,
             votes: None,
@@ -99,8 +99,8 @@ impl PartialEq for Appearance {
     fn eq(&self, other: &Self) -> bool {
         let votes = |one: &Self| one.votes.as_ref().map(Arc::as_ptr);
         (self.coloring, self.level, self.isolated) == (other.coloring, other.level, other.isolated)
-            && (self.faint, self.up, self.doubtful_below)
-                == (other.faint, other.up, other.doubtful_below)
+            && (self.faint, self.up, self.uncertain_below)
+                == (other.faint, other.up, other.uncertain_below)
             && votes(self) == votes(other)
             && self.hidden == other.hidden
             && self.tree == other.tree

@@ -121,7 +121,7 @@ fn instances_are_found_again_by_the_command_line() {
         .contains("radius")
     );
     one_undo_takes_instances_back(Path::new(&project));
-    let said = done(&[
+    let output = done(&[
         "instances",
         &project,
         "--label",
@@ -129,7 +129,7 @@ fn instances_are_found_again_by_the_command_line() {
         "--min-points",
         "20",
     ]);
-    assert!(said.starts_with("car 1 cabin 1 "), "{said}");
+    assert!(output.starts_with("car 1 cabin 1 "), "{output}");
     assert!(labels(&project).contains(&"car 1 cabin 1".to_owned()));
 }
 

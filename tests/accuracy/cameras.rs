@@ -7,7 +7,7 @@ use ostra_frames::cameras::{
     GivenCameras, ModelEncoding, SparsePoints, read_sparse_points, write_colmap_model,
 };
 use ostra_frames::{Frame, FrameFolder, OpenRequest, open};
-use ostra_geometry::{Alignment, Pose, TrajectoryError};
+use ostra_geometry::{Alignment, Pose, TrajectoryMetrics};
 
 use crate::data::data_dir;
 
@@ -75,9 +75,9 @@ fn stated(folder: &Path) -> Vec<(Vec<f64>, Vec<f64>)> {
 
 fn colmap_models_agree_with_the_given_cameras() {
     let data = data_dir();
-    for (set, pictures) in SETS {
+    for (set, images) in SETS {
         let folder = data.join(set);
-        let frames = with_cameras(folder.join(pictures), &folder);
+        let frames = with_cameras(folder.join(images), &folder);
         for (frame, (k, world_to_cam)) in frames.iter().zip(stated(&folder)) {
             let (camera, pose) = frame.posed_camera().unwrap();
             let found = [
@@ -110,7 +110,7 @@ fn middlebury_parameters_equal_the_colmap_model() {
     let model = with_cameras(folder.join("images"), &folder.join("sparse"));
     let parameters = with_cameras(folder.join("images"), &folder.join("templeSR_par.txt"));
     let error =
-        TrajectoryError::between(&poses(&parameters), &poses(&model), Alignment::None).unwrap();
+        TrajectoryMetrics::between(&poses(&parameters), &poses(&model), Alignment::None).unwrap();
     assert!(
         error.centre.max < 1e-6 && error.rotation_deg.max < 1e-3,
         "{error:?}"
@@ -126,13 +126,13 @@ fn middlebury_parameters_equal_the_colmap_model() {
 
 fn real_models_are_written_and_read_again() {
     let data = data_dir();
-    for (set, pictures) in SETS {
+    for (set, images) in SETS {
         let folder = data.join(set);
-        let frames = with_cameras(folder.join(pictures), &folder);
+        let frames = with_cameras(folder.join(images), &folder);
         let out = tempfile::tempdir().unwrap();
         let sparse = SparsePoints::without_keypoints(read_sparse_points(&folder).unwrap());
         write_colmap_model(out.path(), &frames, &sparse, ModelEncoding::Text).unwrap();
-        assert_eq!(with_cameras(folder.join(pictures), out.path()), frames);
+        assert_eq!(with_cameras(folder.join(images), out.path()), frames);
     }
 }
 

@@ -19,13 +19,13 @@ fn done(words: &[&str], folder: &Path) -> (String, String) {
         .current_dir(folder)
         .output()
         .unwrap();
-    let [said, told] = [out.stdout, out.stderr].map(|text| String::from_utf8(text).unwrap());
-    assert!(out.status.success(), "{words:?}: {told}");
-    (said, told)
+    let [output, reported] = [out.stdout, out.stderr].map(|text| String::from_utf8(text).unwrap());
+    assert!(out.status.success(), "{words:?}: {reported}");
+    (output, reported)
 }
 
 /// Creates the folder `anchor` with only the ground-truth mask of one frame.
-fn give_anchor(folder: &Path, truth: &Path, name: &str) {
+fn give_keyframe(folder: &Path, truth: &Path, name: &str) {
     std::fs::create_dir(folder.join("anchor")).unwrap();
     std::fs::copy(truth.join(name), folder.join("anchor").join(name)).unwrap();
 }
@@ -36,7 +36,7 @@ fn tracked(folder: &Path, new: &[&str], truth: &Path, constrain: bool) -> (f64, 
     done(&[&["new", project], new].concat(), folder);
     done(&["masks", project, "import", "anchor"], folder);
     let track = ["track", project, "--tracker", "flow"];
-    let (_, told) = done(
+    let (_, reported) = done(
         &if constrain {
             [&track[..], &["--constrain"]].concat()
         } else {
@@ -56,7 +56,7 @@ fn tracked(folder: &Path, new: &[&str], truth: &Path, constrain: bool) -> (f64, 
         "--json",
     ];
     let score: Value = serde_json::from_str(&done(&eval, folder).0).unwrap();
-    (score["j"].as_f64().unwrap(), told)
+    (score["j"].as_f64().unwrap(), reported)
 }
 
 fn flow_on_a_synthetic_recording_improves_with_geometry() {
@@ -82,7 +82,7 @@ fn flow_on_a_synthetic_recording_improves_with_geometry() {
         .unwrap();
     }
     let truth = folder.join("truth/masks");
-    give_anchor(folder, &truth, "000.png");
+    give_keyframe(folder, &truth, "000.png");
     let depth_unit = Scene::DEPTH_UNIT_M.to_string();
     let new = [
         "--frames",
@@ -95,9 +95,9 @@ fn flow_on_a_synthetic_recording_improves_with_geometry() {
         "sparse",
     ];
     let (free, _) = tracked(folder, &new, &truth, false);
-    let (held, told) = tracked(folder, &new, &truth, true);
-    println!("made plant, flow from one true mask: J {free:.3}, constrained {held:.3}\n{told}");
-    assert!(told.contains("geometry mended"), "{told}");
+    let (held, reported) = tracked(folder, &new, &truth, true);
+    println!("made plant, flow from one true mask: J {free:.3}, constrained {held:.3}\n{reported}");
+    assert!(reported.contains("geometry mended"), "{reported}");
     assert!(held > free + 0.1, "J {free:.3}, constrained {held:.3}");
     let info: Value = serde_json::from_str(&done(&["info", "held", "--json"], folder).0).unwrap();
     assert_eq!(info["frames"][0]["mask"], "anchor");
@@ -115,14 +115,14 @@ fn flow_on_a_real_shelf_improves_with_geometry() {
         .map(|entry| entry.unwrap().file_name())
         .collect();
     names.sort();
-    give_anchor(folder, &truth, names[7].to_str().unwrap());
+    give_keyframe(folder, &truth, names[7].to_str().unwrap());
     let [color, depth, sparse] =
         ["color", "depth", "sparse"].map(|part| set.join(part).to_str().unwrap().to_owned());
     let new = ["--frames", &color, "--depth", &depth, "--cameras", &sparse];
     let (free, _) = tracked(folder, &new, &truth, false);
-    let (held, told) = tracked(folder, &new, &truth, true);
+    let (held, reported) = tracked(folder, &new, &truth, true);
     println!(
-        "apc shelf, flow from the true mask of frame 7: J {free:.3}, constrained {held:.3}\n{told}"
+        "apc shelf, flow from the true mask of frame 7: J {free:.3}, constrained {held:.3}\n{reported}"
     );
     assert!(held > free, "J {free:.3}, constrained {held:.3}");
 }
@@ -131,10 +131,10 @@ fn constrain_without_depth_and_cameras_says_what_to_add() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     std::fs::create_dir(folder.join("frames")).unwrap();
-    let picture = image::RgbImage::from_pixel(40, 30, image::Rgb([90, 120, 60]));
+    let image = image::RgbImage::from_pixel(40, 30, image::Rgb([90, 120, 60]));
     ["0.png", "1.png"]
         .iter()
-        .for_each(|name| picture.save(folder.join("frames").join(name)).unwrap());
+        .for_each(|name| image.save(folder.join("frames").join(name)).unwrap());
     done(&["new", "p", "--frames", "frames"], folder);
     done(&["label", "p", "leaf"], folder);
     done(
@@ -156,11 +156,11 @@ fn constrain_without_depth_and_cameras_says_what_to_add() {
         .current_dir(folder)
         .output()
         .unwrap();
-    let told = String::from_utf8(out.stderr).unwrap();
-    assert_eq!(out.status.code(), Some(1), "{told}");
+    let reported = String::from_utf8(out.stderr).unwrap();
+    assert_eq!(out.status.code(), Some(1), "{reported}");
     assert!(
-        told.contains("--constrain needs frames with depth and cameras"),
-        "{told}"
+        reported.contains("--constrain needs frames with depth and cameras"),
+        "{reported}"
     );
 }
 

@@ -76,7 +76,7 @@ fn the_box() -> Vec<SelectStep> {
         remove: false,
         hidden: Vec::new(),
         isolated: None,
-        doubtful_below: None,
+        uncertain_below: None,
         cube_from_world: None,
     };
     let (only, likeness) = (
@@ -117,7 +117,7 @@ fn lasso_in_3d_corrects_a_label_in_all_masks_and_undo_restores_the_bytes() {
     let correction = CloudCorrection {
         select: the_box(),
         change: CloudChange::Assign(TISSUES),
-        as_anchors: true,
+        as_keyframes: true,
     };
     perform(&mut session, Command::CorrectCloud(correction)).unwrap();
     assert_eq!(session.undo_title(), Some("Assign tissues in 3-D"));
@@ -139,7 +139,7 @@ fn lasso_in_3d_corrects_a_label_in_all_masks_and_undo_restores_the_bytes() {
             "frame {frame}: {kept} of the book keeps its own"
         );
         mean += moved / FRAMES as f64;
-        assert_eq!(after.masks[&frame].origin, MaskOrigin::Anchor);
+        assert_eq!(after.masks[&frame].origin, MaskOrigin::Keyframe);
     }
     assert!(mean > 0.93, "{mean}");
     assert!(

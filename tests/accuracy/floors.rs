@@ -188,7 +188,7 @@ fn demo_with_ground_truth_keyframes() {
     };
     let labels = score(&truth, session.cloud().unwrap(), &options);
     println!(
-        "made plant by true anchors: {:?}, accuracy {}",
+        "made plant by true keyframes: {:?}, accuracy {}",
         labels.iou, labels.accuracy
     );
     assert!(

@@ -30,13 +30,13 @@ const CLIPS: [&str; 7] = [
 ];
 
 /// A clip with its ground-truth masks, and the masks tracked from every `every`-th of them.
-struct Carried {
+struct TrackedClip {
     request: TrackRequest,
     truths: Vec<LabelMask>,
     tracked: BTreeMap<usize, LabelMask>,
 }
 
-fn carried(tracker: &FlowTracker, data: &Path, clip: &str, every: usize) -> Carried {
+fn transferred(tracker: &FlowTracker, data: &Path, clip: &str, every: usize) -> TrackedClip {
     let source = FrameFolder {
         frames: data.join("davis2016/JPEGImages").join(clip),
         depth: None,
@@ -72,7 +72,7 @@ fn carried(tracker: &FlowTracker, data: &Path, clip: &str, every: usize) -> Carr
         to: frames.len() - 1,
         frames: Arc::new(frames),
         store: Arc::new(FrameStore::new(64 << 20)),
-        anchors: truths
+        keyframes: truths
             .iter()
             .cloned()
             .map(Arc::new)
@@ -92,9 +92,9 @@ fn carried(tracker: &FlowTracker, data: &Path, clip: &str, every: usize) -> Carr
     assert_eq!(
         tracked.len(),
         truths.len() - truths.len().div_ceil(every),
-        "{clip}: every frame but the anchors"
+        "{clip}: every frame but the keyframes"
     );
-    Carried {
+    TrackedClip {
         request,
         truths,
         tracked,
@@ -105,9 +105,9 @@ fn carried(tracker: &FlowTracker, data: &Path, clip: &str, every: usize) -> Carr
 ///
 /// The ground-truth masks of every `every`-th frame, from the first on, are given.
 fn scores(tracker: &FlowTracker, data: &Path, clip: &str, every: usize) -> (f64, f64) {
-    let Carried {
+    let TrackedClip {
         truths, tracked, ..
-    } = carried(tracker, data, clip, every);
+    } = transferred(tracker, data, clip, every);
     let pair = |(frame, result): (usize, LabelMask)| FramePair {
         name: frame.to_string(),
         truth: RunMask::encode(&truths[frame]),
@@ -162,11 +162,11 @@ fn thin_parts_are_kept_between_keyframes() {
 /// ten lower the IoU, and by more than the others raise it.
 fn click_on_a_tracked_mask_improves_it() {
     let data = data_dir();
-    let Carried {
+    let TrackedClip {
         request,
         truths,
         tracked,
-    } = carried(&FlowTracker::default(), &data, "bmx-trees", 4);
+    } = transferred(&FlowTracker::default(), &data, "bmx-trees", 4);
     let mut gains = [Vec::new(), Vec::new()];
     for (frame, mask) in tracked.iter().step_by(3) {
         let truth = truths[*frame].region(LabelId(1));
@@ -186,12 +186,12 @@ fn click_on_a_tracked_mask_improves_it() {
                     break;
                 };
                 prompt.clicks.push(click);
-                let asked = SegmentRequest {
+                let requested = SegmentRequest {
                     prompt: &prompt,
                     previous: Some(&answer),
                     taken: None,
                 };
-                let next = ready.segment(&asked, &Progress::default()).unwrap();
+                let next = ready.segment(&requested, &Progress::default()).unwrap();
                 gains.push(next.iou(&truth) - answer.iou(&truth));
                 answer = next;
             }

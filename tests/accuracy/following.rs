@@ -57,13 +57,13 @@ fn count(cloud: &LabelledCloud, label: LabelId) -> usize {
     cloud.labels.iter().filter(|&&id| id == label).count()
 }
 
-fn doubts(session: &mut Session) -> BTreeMap<usize, f32> {
-    let _ = session.doubts();
+fn conflicts(session: &mut Session) -> BTreeMap<usize, f32> {
+    let _ = session.conflicts();
     session.settle(|_| ControlFlow::Continue(()));
     session
-        .doubts()
+        .conflicts()
         .iter()
-        .map(|(&frame, doubt)| (frame, doubt.share()))
+        .map(|(&frame, conflict)| (frame, conflict.share()))
         .collect()
 }
 
@@ -87,7 +87,11 @@ fn labels_after_a_live_vote_equal_those_of_a_new_fusion() {
         Arc::ptr_eq(&followed(&mut session), &wrong),
         "nothing changed since the points voted"
     );
-    assert!(doubts(&mut session).values().all(|&doubt| doubt < 0.1));
+    assert!(
+        conflicts(&mut session)
+            .values()
+            .all(|&conflict| conflict < 0.1)
+    );
     // One corrected frame is outvoted and only changes the confidence. Ten of the fifteen win.
     put_right(&mut session, &data, folder.path(), 7..8);
     let one = followed(&mut session);
@@ -104,10 +108,10 @@ fn labels_after_a_live_vote_equal_those_of_a_new_fusion() {
         "{} points",
         count(&ten, TISSUES)
     );
-    let doubts = doubts(&mut session);
+    let conflicts = conflicts(&mut session);
     assert!(
-        doubts[&14] > 0.1 && doubts[&3] < 0.1,
-        "the five that are still wrong are doubtful now: {doubts:?}"
+        conflicts[&14] > 0.1 && conflicts[&3] < 0.1,
+        "the five that are still wrong are doubtful now: {conflicts:?}"
     );
     for surface in [Surface::Voxels, Surface::Mesh] {
         let _ = session.surface(surface);
@@ -125,7 +129,7 @@ fn labels_after_a_live_vote_equal_those_of_a_new_fusion() {
     assert!(session.project().unwrap().results[&ResultKind::Cloud].stale);
     assert!(
         std::fs::read(&file).unwrap() == written,
-        "files are made anew by a fusion only"
+        "files are made again by a fusion only"
     );
     exported(&mut session, folder.path(), &ten);
     opened_again(&mut session, &ten);
@@ -166,10 +170,12 @@ fn exported(session: &mut Session, folder: &Path, seen: &LabelledCloud) {
         cloud: Some(cloud.clone()),
         ..ExportRequest::default()
     };
-    let told = warnings(session, of_cloud);
+    let reported = warnings(session, of_cloud);
     assert!(
-        told.len() == 1 && told[0].contains("the labels of now but the points that were fused"),
-        "{told:?}"
+        reported.len() == 1
+            && reported[0]
+                .contains("labels are up to date, but the points are from the last fusion"),
+        "{reported:?}"
     );
     assert_eq!(
         read_ply(&cloud, &Default::default()).unwrap().cloud.labels,
@@ -179,10 +185,10 @@ fn exported(session: &mut Session, folder: &Path, seen: &LabelledCloud) {
         mesh: Some(mesh),
         ..ExportRequest::default()
     };
-    let told = warnings(session, of_mesh);
+    let reported = warnings(session, of_mesh);
     assert!(
-        told.len() == 1 && told[0].contains("the mesh is written as it was fused"),
-        "{told:?}"
+        reported.len() == 1 && reported[0].contains("the mesh is written as it was fused"),
+        "{reported:?}"
     );
 }
 

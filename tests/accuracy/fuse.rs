@@ -11,7 +11,7 @@ use ostra_cloud::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_eval::cloud_score::{CloudScore, CloudScoreOptions, cloud_table, score_cloud};
 use ostra_eval::synthetic::{RenderedView, Scene, SceneOptions, SensorNoise, TruthOptions};
-use ostra_frames::{DepthMap, Frame, Image, Orientation, PictureSource};
+use ostra_frames::{DepthMap, Frame, Image, ImageSource, Orientation};
 use ostra_geometry::Camera;
 use ostra_masks::{LabelId, LabelMask, LabelTree};
 
@@ -76,7 +76,7 @@ fn bytes(fused: &Fused) -> (Vec<u8>, Vec<u8>) {
     write_ply(
         &mut cloud,
         &fused.cloud,
-        Coloring::Picture,
+        Coloring::Image,
         &Progress::default(),
     )
     .unwrap();
@@ -190,7 +190,7 @@ impl Made {
             name,
             width: view.image.width,
             height: view.image.height,
-            picture: PictureSource::File {
+            image: ImageSource::File {
                 path: "none".into(),
                 orientation: Orientation(1),
             },

@@ -19,8 +19,6 @@ mod crash_child;
 mod data;
 #[path = "../support/data_set.rs"]
 mod data_set;
-#[path = "../support/film.rs"]
-mod film;
 #[path = "../support/kill_jobs.rs"]
 mod kill_jobs;
 #[path = "../support/program.rs"]
@@ -29,27 +27,29 @@ mod program;
 mod project;
 #[path = "../support/session.rs"]
 mod session;
+#[path = "../support/video.rs"]
+mod video;
 
-mod adopt;
+mod attach;
 mod bedroom;
+mod book_images;
 mod bricks;
 mod cameras;
-mod carry;
 mod constrain;
 mod correct;
 mod crash;
 mod demo_folder;
-mod films;
 mod floors;
 mod flow;
 mod following;
 mod frames;
 mod fuse;
 mod kills;
-mod long_films;
+mod long_videos;
 mod masks;
 mod networks;
 mod registry;
+mod reprojection;
 mod rgbd;
 mod segmenter;
 mod sfm;
@@ -58,21 +58,24 @@ mod sfm_learned;
 mod shared;
 mod shelf;
 mod stereo;
-mod stereo_made;
+mod synthetic_stereo;
 mod synthetic_traits;
+mod text_prompts;
 mod tiller;
 mod traits;
+mod tutorials;
 mod video_seeking;
+mod videos;
 mod whole_job;
-mod words;
 
 fn main() -> std::process::ExitCode {
     let modules = [
-        adopt::tests(),
+        attach::tests(),
         bedroom::tests(),
+        book_images::tests(),
         bricks::tests(),
         cameras::tests(),
-        carry::tests(),
+        reprojection::tests(),
         constrain::tests(),
         correct::tests(),
         crash::tests(),
@@ -92,13 +95,14 @@ fn main() -> std::process::ExitCode {
         sfm_learned::tests(),
         shared::tests(),
         stereo::tests(),
-        stereo_made::tests(),
+        synthetic_stereo::tests(),
         synthetic_traits::tests(),
         traits::tests(),
-        words::tests(),
-        long_films::tests(),
+        text_prompts::tests(),
+        long_videos::tests(),
+        tutorials::tests(),
         video_seeking::tests(),
-        films::tests(),
+        videos::tests(),
     ];
     registry::run(modules.into_iter().flatten().collect())
 }

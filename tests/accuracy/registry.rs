@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use libtest_mimic::{Arguments, Trial};
 
 use crate::data::{find_data, find_models, find_onnx_runtime};
-use crate::film::has_ffmpeg;
+use crate::video::has_ffmpeg;
 
 /// Requirements of a test besides the repository.
 #[derive(Debug, Clone, Copy)]

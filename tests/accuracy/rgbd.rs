@@ -37,10 +37,10 @@ fn kitchen_without_cameras() {
     let data = data_dir();
     let set = data.join("redkitchen_rgbd_a");
     let project = recording(&set, &INTRINSICS);
-    let said = project.done(&["reconstruct", &project.root()]);
+    let output = project.done(&["reconstruct", &project.root()]);
     assert!(
-        said.contains("167 of 167 frames by depth") && said.contains("px, not 585"),
-        "{said}"
+        output.contains("167 of 167 frames by depth") && output.contains("px, not 585"),
+        "{output}"
     );
     assert_eq!(project.placed(), 167);
     let out = tempfile::tempdir().unwrap();
@@ -58,7 +58,7 @@ fn kitchen_without_cameras() {
         .unwrap()
         .parse()
         .unwrap();
-    println!("kitchen by depth: the pictures' focal length is {focal_px:.1} px");
+    println!("kitchen by depth: the images' focal length is {focal_px:.1} px");
     assert!((focal_px - 525.0).abs() < 10.0, "{cameras}");
     for (align, most_deg) in [
         (&["--align", "se3"][..], 3.5),
@@ -222,8 +222,8 @@ fn every_third_frame_is_registered_and_the_others_are_added() {
 fn missing_requirements_of_registration_are_reported() {
     let data = data_dir();
     let set = data.join("redkitchen_rgbd_a");
-    let pictures = Project::new(&set.join("color"), &["--to", "5"]);
-    assert!(refused(&pictures, &[]).contains("--depth"));
+    let images = Project::new(&set.join("color"), &["--to", "5"]);
+    assert!(refused(&images, &[]).contains("--depth"));
     assert!(refused(&recording(&set, &["--to", "5"]), &[]).contains("--intrinsics"));
     let labelled = recording(&set, &[&["--to", "5"], &INTRINSICS[..]].concat());
     assert!(refused(&labelled, &["--only-labelled"]).contains("--only-labelled"));

@@ -19,13 +19,13 @@ const CAP: usize = 20;
 fn frames(root: &Path) -> Vec<(PathBuf, PathBuf)> {
     let mut frames = Vec::new();
     for clip in sorted(&root.join("JPEGImages")) {
-        let pictures = sorted(&clip);
-        for at in [0, pictures.len() / 2, pictures.len() - 1] {
+        let images = sorted(&clip);
+        for at in [0, images.len() / 2, images.len() - 1] {
             let truth = root
                 .join("Annotations")
                 .join(clip.file_name().unwrap())
                 .join(format!("{at:05}.png"));
-            frames.push((pictures[at].clone(), truth));
+            frames.push((images[at].clone(), truth));
         }
     }
     frames
@@ -43,8 +43,8 @@ fn sorted(folder: &Path) -> Vec<PathBuf> {
 /// Returns the IoU after each click into the largest error.
 ///
 /// The last value fills the list up to `CAP`.
-fn play((picture, truth): &(PathBuf, PathBuf)) -> Vec<f64> {
-    let image = image::open(picture).unwrap().to_rgb8();
+fn play((image, truth): &(PathBuf, PathBuf)) -> Vec<f64> {
+    let image = image::open(image).unwrap().to_rgb8();
     let (width, height) = image.dimensions();
     let image = Arc::new(Image {
         width,

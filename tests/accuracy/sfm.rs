@@ -67,8 +67,11 @@ fn fountain_with_given_intrinsics() {
         &set.join("images"),
         &["--cameras", set.join("sparse").to_str().unwrap()],
     );
-    let said = project.reconstruct(&[]);
-    assert!(said.contains("11 of 11 frames by sift + nearest"), "{said}");
+    let output = project.reconstruct(&[]);
+    assert!(
+        output.contains("11 of 11 frames by sift + nearest"),
+        "{output}"
+    );
     let (centre, rotation) = accuracy("fountain, given", &project.errors(&set.join("sparse")));
     assert!(centre <= 0.05 && rotation <= 0.05);
 }
@@ -109,8 +112,8 @@ fn dtu_with_unknown_intrinsics() {
 fn castle_without_ground_truth_registers_completely() {
     let data = data_dir();
     let project = Project::new(&data.join("sceaux_castle/images"), &[]);
-    let said = project.reconstruct(&[]);
-    assert_eq!(project.placed(), 11, "{said}");
+    let output = project.reconstruct(&[]);
+    assert_eq!(project.placed(), 11, "{output}");
 }
 
 /// Checks a plant on a turntable.
@@ -120,8 +123,8 @@ fn thin_plant_on_a_turntable() {
     let data = data_dir();
     let set = data.join("romi_real_plant");
     let project = Project::new(&set.join("images"), &[]);
-    let said = project.reconstruct(&[]);
-    assert_eq!(project.placed(), 60, "{said}");
+    let output = project.reconstruct(&[]);
+    assert_eq!(project.placed(), 60, "{output}");
     let percent = set_point_error(&project, &set);
     println!("romi plant, unknown: 60 cameras, centre {percent:.3} %");
     assert!(percent <= 1.0);
@@ -132,10 +135,10 @@ fn thin_plant_on_a_turntable() {
 /// The centres are aligned by Sim(3).
 fn set_point_error(project: &Project, set: &Path) -> f64 {
     let text = std::fs::read_to_string(set.join("approximate_poses.json")).unwrap();
-    let told: Value = serde_json::from_str(&text).unwrap();
+    let reported: Value = serde_json::from_str(&text).unwrap();
     let found = cameras(project);
     let mut pairs = Vec::new();
-    for frame in told["frames"].as_array().unwrap() {
+    for frame in reported["frames"].as_array().unwrap() {
         let name = Path::new(frame["image"].as_str().unwrap())
             .file_name()
             .unwrap()
@@ -155,15 +158,18 @@ fn set_point_error(project: &Project, set: &Path) -> f64 {
             .centre();
         pairs.push((centre, glam::DVec3::new(at(0), at(1), at(2))));
     }
-    let (found, told): (Vec<_>, Vec<_>) = pairs.into_iter().unzip();
-    let alignment = Similarity::align(&found, &told, Alignment::Sim3).unwrap();
-    let middle = told.iter().sum::<glam::DVec3>() / told.len() as f64;
-    let extent = told.iter().map(|x| x.distance(middle)).fold(0.0, f64::max);
+    let (found, reported): (Vec<_>, Vec<_>) = pairs.into_iter().unzip();
+    let alignment = Similarity::align(&found, &reported, Alignment::Sim3).unwrap();
+    let middle = reported.iter().sum::<glam::DVec3>() / reported.len() as f64;
+    let extent = reported
+        .iter()
+        .map(|x| x.distance(middle))
+        .fold(0.0, f64::max);
     let errors = found
         .iter()
-        .zip(&told)
-        .map(|(found, told)| alignment.transform(*found).distance_squared(*told));
-    100.0 * (errors.sum::<f64>() / told.len() as f64).sqrt() / extent
+        .zip(&reported)
+        .map(|(found, reported)| alignment.transform(*found).distance_squared(*reported));
+    100.0 * (errors.sum::<f64>() / reported.len() as f64).sqrt() / extent
 }
 
 /// Returns the names and poses of the frames that have a camera.
@@ -255,8 +261,8 @@ fn close_ups_are_added_to_an_existing_model() {
     let project = Project::new(&small, &[]);
     project.reconstruct(&[]);
     project.done(&["add", &project.root(), "--frames", crops.to_str().unwrap()]);
-    let said = project.done(&["reconstruct", &project.root()]);
-    assert_eq!(project.placed(), 14, "{said}");
+    let output = project.done(&["reconstruct", &project.root()]);
+    assert_eq!(project.placed(), 14, "{output}");
     let found = cameras(&project);
     let truth = poses(&set.join("sparse"));
     let stem = |name: &str| {
@@ -273,7 +279,8 @@ fn close_ups_are_added_to_an_existing_model() {
     });
     let (found, truth): (Vec<Pose>, Vec<Pose>) = pairs.unzip();
     assert_eq!(found.len(), 14);
-    let error = ostra_geometry::TrajectoryError::between(&found, &truth, Alignment::Sim3).unwrap();
+    let error =
+        ostra_geometry::TrajectoryMetrics::between(&found, &truth, Alignment::Sim3).unwrap();
     let percent = 100.0 * error.centre.rmse / error.extent;
     println!("fountain at a quarter of its size with three close-ups: centre {percent:.3} %");
     assert!(percent <= 0.15);
@@ -304,9 +311,9 @@ fn two_cameras_in_one_set() {
             .unwrap();
     }
     let project = Project::new(dir.path(), &[]);
-    let said = project.reconstruct(&[]);
+    let output = project.reconstruct(&[]);
     // DSC_0434, taken from low over the carpet, only matches under simulated tilts.
-    assert_eq!(project.placed(), files.len(), "{said}");
+    assert_eq!(project.placed(), files.len(), "{output}");
     let out = dir.path().join("cameras");
     project.done(&[
         "export",
@@ -337,9 +344,9 @@ fn small_fountain(numbers: &[usize]) -> TempDir {
 }
 
 fn model_does_not_depend_on_the_number_of_threads() {
-    let pictures = small_fountain(&[2, 3, 4, 5, 6]);
+    let images = small_fountain(&[2, 3, 4, 5, 6]);
     let model = |threads: &str| {
-        let project = Project::new(pictures.path(), &[]);
+        let project = Project::new(images.path(), &[]);
         let run = Command::new(env!("CARGO_BIN_EXE_ostra"))
             .args(["reconstruct", &project.root(), "--method", "sfm"])
             .env("RAYON_NUM_THREADS", threads)
@@ -354,8 +361,8 @@ fn model_does_not_depend_on_the_number_of_threads() {
 }
 
 fn known_length_sets_the_unit() {
-    let pictures = small_fountain(&[2, 3, 4, 5]);
-    let project = Project::new(pictures.path(), &[]);
+    let images = small_fountain(&[2, 3, 4, 5]);
+    let project = Project::new(images.path(), &[]);
     project.reconstruct(&[]);
     let out = project.dir.path().join("before");
     project.done(&[
@@ -390,10 +397,10 @@ fn known_length_sets_the_unit() {
 }
 
 /// Frames and the pixels at which they see a point.
-type Sightings = Vec<(usize, [f64; 2])>;
+type Observations = Vec<(usize, [f64; 2])>;
 
 /// Returns the pixels at which frames 1 and 2 see two points of a text model, and their distance.
-fn two_points(model: &Path) -> ([Sightings; 2], f64) {
+fn two_points(model: &Path) -> ([Observations; 2], f64) {
     let lines = |name: &str| -> Vec<String> {
         let text = std::fs::read_to_string(model.join(name)).unwrap();
         text.lines()
@@ -465,8 +472,8 @@ fn depth_sets_the_scale() {
         "3",
     ];
     let project = Project::new(&set.join("color"), &more);
-    let said = project.reconstruct(&[]);
-    assert!(said.contains("scale from"), "{said}");
+    let output = project.reconstruct(&[]);
+    assert!(output.contains("scale from"), "{output}");
     let out = project.dir.path().join("cameras");
     project.done(&[
         "export",
@@ -494,8 +501,8 @@ fn depth_sets_the_scale() {
 }
 
 fn undistorted_images_have_pinhole_cameras() {
-    let pictures = small_fountain(&[3, 4, 5]);
-    let project = Project::new(pictures.path(), &[]);
+    let images = small_fountain(&[3, 4, 5]);
+    let project = Project::new(images.path(), &[]);
     project.reconstruct(&[]);
     let out = project.dir.path().join("plain");
     project.done(&[

@@ -22,12 +22,12 @@ const WIDTH: u32 = 480;
 const HEIGHT: u32 = 320;
 
 /// A folder of small images.
-struct Pictures {
+struct Images {
     dir: TempDir,
     data: PathBuf,
 }
 
-impl Pictures {
+impl Images {
     fn new() -> Self {
         Self {
             dir: TempDir::new().unwrap(),
@@ -45,8 +45,8 @@ impl Pictures {
 
     /// Returns a resized image of the real data.
     fn small(&self, from: &str) -> RgbImage {
-        let picture = image::open(self.data.join(from)).unwrap();
-        picture
+        let image = image::open(self.data.join(from)).unwrap();
+        image
             .resize_exact(WIDTH, HEIGHT, FilterType::Triangle)
             .to_rgb8()
     }
@@ -82,7 +82,7 @@ impl Pictures {
             let yaw = step * (f64::from(view) - 0.5 * f64::from(views - 1));
             let turn = DMat3::from_rotation_y(yaw.to_radians())
                 * DMat3::from_rotation_x((2.0 * f64::from(view % 2)).to_radians());
-            let picture = RgbImage::from_fn(WIDTH, HEIGHT, |x, y| {
+            let image = RgbImage::from_fn(WIDTH, HEIGHT, |x, y| {
                 let across = (f64::from(x) + 0.5 - 0.5 * f64::from(WIDTH)) / focal_px;
                 let down = (f64::from(y) + 0.5 - 0.5 * f64::from(HEIGHT)) / focal_px;
                 let ray = turn * DVec3::new(across, down, 1.0);
@@ -90,19 +90,19 @@ impl Pictures {
                     |along: f64, side: u32| from_focal_px * along / ray.z + 0.5 * f64::from(side);
                 between(&from, at(ray.x, from.width()), at(ray.y, from.height()))
             });
-            picture.save(self.path(&format!("{view}.png"))).unwrap();
+            image.save(self.path(&format!("{view}.png"))).unwrap();
         }
     }
 }
 
 /// Returns the bilinearly interpolated colour; outside the image, that of its edge.
-fn between(picture: &RgbImage, x: f64, y: f64) -> image::Rgb<u8> {
+fn between(image: &RgbImage, x: f64, y: f64) -> image::Rgb<u8> {
     let clamped = |at: f64, side: u32| (at - 0.5).clamp(0.0, f64::from(side) - 1.001);
-    let (x, y) = (clamped(x, picture.width()), clamped(y, picture.height()));
+    let (x, y) = (clamped(x, image.width()), clamped(y, image.height()));
     let (left, top) = (x as u32, y as u32);
     let (right, low) = (x.fract(), y.fract());
     let channel = |c: usize| {
-        let at = |dx: u32, dy: u32| f64::from(picture.get_pixel(left + dx, top + dy).0[c]);
+        let at = |dx: u32, dy: u32| f64::from(image.get_pixel(left + dx, top + dy).0[c]);
         let row = |dy: u32| at(0, dy) * (1.0 - right) + at(1, dy) * right;
         (row(0) * (1.0 - low) + row(1) * low).round() as u8
     };
@@ -114,12 +114,15 @@ fn between(picture: &RgbImage, x: f64, y: f64) -> image::Rgb<u8> {
 /// It must exit with code 1, report no result, not panic, and print one line with the reason.
 fn refused(args: &[&str]) -> String {
     let output = ostra(args);
-    let (said, why) = (
+    let (message, why) = (
         String::from_utf8(output.stdout).unwrap(),
         String::from_utf8(output.stderr).unwrap(),
     );
-    assert_eq!(output.status.code(), Some(1), "{args:?}: {said}{why}");
-    assert!(said.is_empty() && !why.contains("panicked"), "{said}{why}");
+    assert_eq!(output.status.code(), Some(1), "{args:?}: {message}{why}");
+    assert!(
+        message.is_empty() && !why.contains("panicked"),
+        "{message}{why}"
+    );
     let mut lines = why.lines().filter(|line| line.starts_with("ostra: "));
     let (first, more) = (lines.next().map(ToOwned::to_owned), lines.next());
     assert_eq!(more, None, "{why}");
@@ -129,8 +132,8 @@ fn refused(args: &[&str]) -> String {
 /// Runs structure from motion where nothing can be registered, and returns the error.
 ///
 /// The project must stay without cameras.
-fn no_cameras(pictures: &Path, more: &[&str]) -> String {
-    let project = Project::new(pictures, more);
+fn no_cameras(images: &Path, more: &[&str]) -> String {
+    let project = Project::new(images, more);
     let why = refused(&["reconstruct", &project.root(), "--method", "sfm"]);
     assert!(
         project.info()["results"]["cameras"].is_null(),
@@ -141,45 +144,43 @@ fn no_cameras(pictures: &Path, more: &[&str]) -> String {
 }
 
 /// Returns the reported reason why a frame has no camera.
-fn reason<'a>(said: &'a str, frame: &str) -> &'a str {
+fn reason<'a>(message: &'a str, frame: &str) -> &'a str {
     let begin = format!("warning: {frame} has no camera: ");
-    let mut told = said.lines().filter_map(|line| line.strip_prefix(&begin));
-    let first = told
+    let mut reported = message.lines().filter_map(|line| line.strip_prefix(&begin));
+    let first = reported
         .next()
-        .unwrap_or_else(|| panic!("nothing is said of {frame}: {said}"));
-    assert_eq!(told.next(), None, "{said}");
+        .unwrap_or_else(|| panic!("nothing is said of {frame}: {message}"));
+    assert_eq!(reported.next(), None, "{message}");
     first
 }
 
-fn left_out(said: &str) -> usize {
-    said.lines()
+fn left_out(message: &str) -> usize {
+    message
+        .lines()
         .filter(|line| line.contains(" has no camera: "))
         .count()
 }
 
 fn unrelated_images_are_refused_and_the_best_pair_is_named() {
-    let pictures = Pictures::new();
+    let images = Images::new();
     let things = [
         ("strecha_fountain_P11/images", "fountain.png"),
         ("sceaux_castle/images", "castle.png"),
         ("redkitchen_rgbd_a/color", "kitchen.png"),
     ];
     for (folder, name) in &things {
-        pictures.put(
-            first_in(&pictures.data.join(folder)).to_str().unwrap(),
-            name,
-        );
+        images.put(first_in(&images.data.join(folder)).to_str().unwrap(), name);
     }
-    let why = no_cameras(pictures.folder(), &[]);
+    let why = no_cameras(images.folder(), &[]);
     assert!(
-        why.starts_with("ostra: no two pictures show the same: the nearest are "),
+        why.starts_with("ostra: no two images show the same scene: the nearest are "),
         "{why}"
     );
     assert!(
         things.iter().filter(|(_, name)| why.contains(name)).count() == 2,
         "{why}"
     );
-    assert!(why.contains("take pictures that overlap"), "{why}");
+    assert!(why.contains("take images that overlap"), "{why}");
 }
 
 fn first_in(folder: &Path) -> PathBuf {
@@ -192,25 +193,25 @@ fn first_in(folder: &Path) -> PathBuf {
 }
 
 fn copies_of_one_image_are_reported_as_an_unmoved_camera() {
-    let pictures = Pictures::new();
+    let images = Images::new();
     for name in ["a.png", "b.png", "c.png"] {
-        pictures.put("strecha_fountain_P11/images/0004.jpg", name);
+        images.put("strecha_fountain_P11/images/0004.jpg", name);
     }
-    let why = no_cameras(pictures.folder(), &[]);
+    let why = no_cameras(images.folder(), &[]);
     assert!(
         why.contains(
-            "did not move at all: no pair of 3 that show the same (best a.png and b.png, "
+            "did not move at all: no pair of 3 that show the same scene (best a.png and b.png, "
         ),
         "{why}"
     );
-    assert!(why.contains("move sideways between pictures"), "{why}");
+    assert!(why.contains("move sideways between images"), "{why}");
 }
 
 fn pure_rotation_is_reported() {
-    let pictures = Pictures::new();
-    pictures.turned(5, 1.08, 5.0);
+    let images = Images::new();
+    images.turned(5, 1.08, 5.0);
     for more in [&[][..], &["--intrinsics", "518.4,518.4,240,160"]] {
-        let why = no_cameras(pictures.folder(), more);
+        let why = no_cameras(images.folder(), more);
         assert!(
             why.contains("the camera only turned, or did not move at all: no pair of 10"),
             "{more:?}: {why}"
@@ -221,9 +222,9 @@ fn pure_rotation_is_reported() {
 /// Checks pure rotation with focal lengths far from the initial guess of 1.2 image widths.
 fn pure_rotation_is_reported_for_unusual_focal_lengths() {
     for focal in [0.7, 0.9, 1.8] {
-        let pictures = Pictures::new();
-        pictures.turned(6, focal, 5.0);
-        let why = no_cameras(pictures.folder(), &[]);
+        let images = Images::new();
+        images.turned(6, focal, 5.0);
+        let why = no_cameras(images.folder(), &[]);
         assert!(
             why.contains("the camera only turned"),
             "focal {focal}: {why}"
@@ -232,48 +233,46 @@ fn pure_rotation_is_reported_for_unusual_focal_lengths() {
 }
 
 fn larger_of_two_scenes_is_kept_and_the_other_reported() {
-    let pictures = Pictures::new();
-    pictures.fountain(5);
+    let images = Images::new();
+    images.fountain(5);
     for k in 0..3 {
-        pictures.put(
+        images.put(
             &format!("sceaux_castle/images/100_710{k}.jpg"),
             &format!("castle{k}.png"),
         );
     }
-    let project = Project::new(pictures.folder(), &[]);
-    let said = project.reconstruct(&[]);
-    assert_eq!(project.placed(), 5, "{said}");
+    let project = Project::new(images.folder(), &[]);
+    let message = project.reconstruct(&[]);
+    assert_eq!(project.placed(), 5, "{message}");
     assert!(
         cameras(&project)
             .iter()
             .all(|(name, _)| name.starts_with("fountain")),
-        "{said}"
+        "{message}"
     );
-    assert!(said.contains("5 of 8 frames by sift + nearest"), "{said}");
+    assert!(
+        message.contains("5 of 8 frames by sift + nearest"),
+        "{message}"
+    );
     for k in 0..3 {
-        let why = reason(&said, &format!("castle{k}.png"));
+        let why = reason(&message, &format!("castle{k}.png"));
         assert!(
             why.starts_with("lies in model 2 of 3 images, which nothing joins with the one kept"),
             "{why}"
         );
     }
-    assert_eq!(left_out(&said), 3, "{said}");
+    assert_eq!(left_out(&message), 3, "{message}");
 }
 
 fn truncated_image_is_named_at_the_start() {
-    let pictures = Pictures::new();
-    pictures.fountain(2);
-    pictures.put("strecha_fountain_P11/images/0002.jpg", "cut.jpg");
-    let whole = std::fs::read(pictures.path("cut.jpg")).unwrap();
-    std::fs::write(pictures.path("cut.jpg"), &whole[..whole.len() / 2]).unwrap();
+    let images = Images::new();
+    images.fountain(2);
+    images.put("strecha_fountain_P11/images/0002.jpg", "cut.jpg");
+    let whole = std::fs::read(images.path("cut.jpg")).unwrap();
+    std::fs::write(images.path("cut.jpg"), &whole[..whole.len() / 2]).unwrap();
     let at = TempDir::new().unwrap();
     let root = at.path().join("project").display().to_string();
-    let output = ostra(&[
-        "new",
-        &root,
-        "--frames",
-        pictures.folder().to_str().unwrap(),
-    ]);
+    let output = ostra(&["new", &root, "--frames", images.folder().to_str().unwrap()]);
     let warning = String::from_utf8(output.stderr).unwrap();
     assert!(
         output.status.success() && warning.contains("1 of 3 images cannot be read"),
@@ -286,26 +285,26 @@ fn truncated_image_is_named_at_the_start() {
 }
 
 fn damaged_or_blank_images_are_reported_and_the_others_registered() {
-    let pictures = Pictures::new();
-    pictures.fountain(4);
-    pictures.black("black.png");
+    let images = Images::new();
+    images.fountain(4);
+    images.black("black.png");
     for name in ["cut.jpg", "garbage.jpg", "gone.jpg", "resized.png"] {
-        pictures.put("strecha_fountain_P11/images/0002.jpg", name);
+        images.put("strecha_fountain_P11/images/0002.jpg", name);
     }
-    let project = Project::new(pictures.folder(), &[]);
-    let whole = std::fs::read(pictures.path("cut.jpg")).unwrap();
-    std::fs::write(pictures.path("cut.jpg"), &whole[..whole.len() / 2]).unwrap();
-    std::fs::write(pictures.path("garbage.jpg"), "no picture").unwrap();
-    std::fs::remove_file(pictures.path("gone.jpg")).unwrap();
+    let project = Project::new(images.folder(), &[]);
+    let whole = std::fs::read(images.path("cut.jpg")).unwrap();
+    std::fs::write(images.path("cut.jpg"), &whole[..whole.len() / 2]).unwrap();
+    std::fs::write(images.path("garbage.jpg"), "no image").unwrap();
+    std::fs::remove_file(images.path("gone.jpg")).unwrap();
     RgbImage::new(300, 200)
-        .save(pictures.path("resized.png"))
+        .save(images.path("resized.png"))
         .unwrap();
-    let said = project.reconstruct(&[]);
-    assert_eq!(project.placed(), 4, "{said}");
+    let message = project.reconstruct(&[]);
+    assert_eq!(project.placed(), 4, "{message}");
     for (name, words) in [
         (
             "black.png",
-            "only 0 features; the picture is blurred, dark, without texture or masked",
+            "only 0 features; the image is blurred, dark, without texture or masked",
         ),
         ("cut.jpg", "the image is damaged or cut off"),
         ("garbage.jpg", "this is not a JPEG, PNG, TIFF or WebP image"),
@@ -315,26 +314,24 @@ fn damaged_or_blank_images_are_reported_and_the_others_registered() {
             "it is 300 × 200 pixels now but was 480 × 320",
         ),
     ] {
-        let why = reason(&said, name);
+        let why = reason(&message, name);
         assert!(why.contains(words), "{name}: {why}");
     }
-    assert_eq!(left_out(&said), 5, "{said}");
+    assert_eq!(left_out(&message), 5, "{message}");
 }
 
 fn one_image_is_too_few_and_two_are_enough() {
-    let pictures = Pictures::new();
-    pictures.fountain(1);
-    let why = no_cameras(pictures.folder(), &[]);
+    let images = Images::new();
+    images.fountain(1);
+    let why = no_cameras(images.folder(), &[]);
     assert!(
-        why.contains(
-            "no two pictures could be compared; give at least two pictures of the same scene"
-        ),
+        why.contains("no two images could be compared; give at least two images of the same scene"),
         "{why}"
     );
-    pictures.fountain(2);
-    let project = Project::new(pictures.folder(), &[]);
-    let said = project.reconstruct(&[]);
-    assert_eq!((project.placed(), left_out(&said)), (2, 0), "{said}");
+    images.fountain(2);
+    let project = Project::new(images.folder(), &[]);
+    let message = project.reconstruct(&[]);
+    assert_eq!((project.placed(), left_out(&message)), (2, 0), "{message}");
     // Every 100th of two frames is one frame.
     let why = refused(&[
         "reconstruct",
@@ -344,35 +341,35 @@ fn one_image_is_too_few_and_two_are_enough() {
         "--every",
         "100",
     ]);
-    assert!(why.contains("no two pictures could be compared"), "{why}");
+    assert!(why.contains("no two images could be compared"), "{why}");
     assert_eq!(project.placed(), 2);
 }
 
 fn tiny_and_black_images_give_an_error() {
-    let pictures = Pictures::new();
+    let images = Images::new();
     for k in 0..4 {
         let small = image::imageops::thumbnail(
-            &pictures.small("strecha_fountain_P11/images/0004.jpg"),
+            &images.small("strecha_fountain_P11/images/0004.jpg"),
             16,
             16,
         );
-        small.save(pictures.path(&format!("small{k}.png"))).unwrap();
-        pictures.black(&format!("black{k}.png"));
+        small.save(images.path(&format!("small{k}.png"))).unwrap();
+        images.black(&format!("black{k}.png"));
     }
     for (name, width, height) in [("dot.png", 1, 1), ("line.png", 900, 1), ("bar.png", 2, 400)] {
         RgbImage::from_fn(width, height, |x, y| {
             image::Rgb([(7 * x + 11 * y) as u8; 3])
         })
-        .save(pictures.path(name))
+        .save(images.path(name))
         .unwrap();
     }
-    no_cameras(pictures.folder(), &[]);
+    no_cameras(images.folder(), &[]);
 }
 
 fn images_without_features_are_reported() {
-    let pictures = Pictures::new();
-    (0..3).for_each(|k| pictures.black(&format!("{k}.png")));
-    let why = no_cameras(pictures.folder(), &[]);
+    let images = Images::new();
+    (0..3).for_each(|k| images.black(&format!("{k}.png")));
+    let why = no_cameras(images.folder(), &[]);
     assert!(
         why.contains("features") && !why.contains("0 matches that do not agree"),
         "{why}"
@@ -380,13 +377,13 @@ fn images_without_features_are_reported() {
 }
 
 fn unrelated_images_leave_an_existing_model_unchanged() {
-    let pictures = Pictures::new();
-    pictures.fountain(5);
-    let project = Project::new(pictures.folder(), &[]);
+    let images = Images::new();
+    images.fountain(5);
+    let project = Project::new(images.folder(), &[]);
     project.reconstruct(&[]);
     let before = cameras(&project);
     assert_eq!(before.len(), 5);
-    let others = Pictures::new();
+    let others = Images::new();
     let names = ["castle.png", "kitchen.png", "black.png"];
     for (folder, name) in [
         ("sceaux_castle/images", names[0]),
@@ -401,22 +398,25 @@ fn unrelated_images_leave_an_existing_model_unchanged() {
         "--frames",
         others.folder().to_str().unwrap(),
     ]);
-    let said = project.done(&["reconstruct", &project.root()]);
+    let message = project.done(&["reconstruct", &project.root()]);
     assert_eq!(project.info()["frames"].as_array().unwrap().len(), 8);
-    assert!(said.contains("5 of 8 frames by sift + nearest"), "{said}");
-    assert_eq!(cameras(&project), before, "{said}");
+    assert!(
+        message.contains("5 of 8 frames by sift + nearest"),
+        "{message}"
+    );
+    assert_eq!(cameras(&project), before, "{message}");
     for name in &names[..2] {
-        let why = reason(&said, name);
+        let why = reason(&message, name);
         assert!(
             why.contains("the nearest, do not agree with one camera movement"),
             "{why}"
         );
     }
     assert!(
-        reason(&said, names[2]).starts_with("only 0 features"),
-        "{said}"
+        reason(&message, names[2]).starts_with("only 0 features"),
+        "{message}"
     );
-    assert_eq!(left_out(&said), 3, "{said}");
+    assert_eq!(left_out(&message), 3, "{message}");
     // A failed run leaves the model unchanged.
     refused(&[
         "reconstruct",
@@ -459,9 +459,9 @@ fn stopped_with(session: &mut Session, enough: usize) -> usize {
 }
 
 fn stopped_run_keeps_its_frames_but_replaces_no_larger_model() {
-    let pictures = Pictures::new();
-    pictures.fountain(11);
-    let project = Project::new(pictures.folder(), &[]);
+    let images = Images::new();
+    images.fountain(11);
+    let project = Project::new(images.folder(), &[]);
     let mut session = Session::new();
     session.act(Request::Open(project.root().into())).unwrap();
     session.settle(|_| ControlFlow::Continue(()));
@@ -485,8 +485,8 @@ fn stopped_run_keeps_its_frames_but_replaces_no_larger_model() {
     session.save().unwrap();
     drop(session);
     assert_eq!(project.placed(), kept);
-    let said = project.reconstruct(&[]);
-    assert_eq!((project.placed(), left_out(&said)), (11, 0), "{said}");
+    let message = project.reconstruct(&[]);
+    assert_eq!((project.placed(), left_out(&message)), (11, 0), "{message}");
 }
 
 crate::registry::tests! {

@@ -27,43 +27,43 @@ fn learned_features_are_refused_until_their_networks_are_installed() {
     let root = project.root();
     let reconstruct = ["reconstruct", &root, "--method", "sfm"];
     assert!(listed(data.path(), "xfeat").ends_with("not installed"));
-    let said = refused(
+    let output = refused(
         data.path(),
         None,
         &[&reconstruct[..], &["--features", "xfeat"]].concat(),
     );
     assert!(
-        said.contains("'xfeat' is not installed") && said.contains("ostra models add"),
-        "{said}"
+        output.contains("'xfeat' is not installed") && output.contains("ostra models add"),
+        "{output}"
     );
-    let said = refused(data.path(), None, &["models", "check", "xfeat"]);
-    assert!(said.contains("ostra models add xfeat FILE"), "{said}");
-    let said = refused(
+    let output = refused(data.path(), None, &["models", "check", "xfeat"]);
+    assert!(output.contains("ostra models add xfeat FILE"), "{output}");
+    let output = refused(
         data.path(),
         None,
         &[&reconstruct[..], &["--matcher", "lighterglue"]].concat(),
     );
     assert!(
-        said.contains("'lighterglue'") && said.contains("features of xfeat"),
-        "{said}"
+        output.contains("'lighterglue'") && output.contains("features of xfeat"),
+        "{output}"
     );
-    let said = refused(
+    let output = refused(
         data.path(),
         None,
         &[&reconstruct[..], &["--features", "superpoint"]].concat(),
     );
     assert!(
-        said.contains("'superpoint' is not installed") && said.contains("ostra models add"),
-        "{said}"
+        output.contains("'superpoint' is not installed") && output.contains("ostra models add"),
+        "{output}"
     );
-    let said = refused(
+    let output = refused(
         data.path(),
         None,
         &[&reconstruct[..], &["--matcher", "superglue"]].concat(),
     );
     assert!(
-        said.contains("superglue-outdoor or superglue-indoor"),
-        "{said}"
+        output.contains("superglue-outdoor or superglue-indoor"),
+        "{output}"
     );
     assert_eq!(
         project.info()["results"]["cameras"]["frames"]
@@ -84,17 +84,18 @@ fn fountain_with_learned_features() {
     for network in ["xfeat", "lighterglue"] {
         assert!(listed(data.path(), network).ends_with("not installed"));
         let file = needs.networks.join(format!("{network}.onnx"));
-        let said = run(&["models", "add", network, file.to_str().unwrap()]);
-        assert!(said.contains("added; it loads"), "{said}");
+        let output = run(&["models", "add", network, file.to_str().unwrap()]);
+        assert!(output.contains("added; it loads"), "{output}");
         let line = listed(data.path(), network);
         assert!(line.contains(data.path().to_str().unwrap()), "{line}");
-        let said = run(&["models", "check", network]);
+        let output = run(&["models", "check", network]);
         assert!(
-            said.lines()
+            output
+                .lines()
                 .next()
                 .unwrap()
                 .ends_with(": inputs and outputs are as expected"),
-            "{said}"
+            "{output}"
         );
     }
 
@@ -106,8 +107,8 @@ fn fountain_with_learned_features() {
         &["--features", "sift", "--matcher", "lighterglue"],
     ]
     .concat();
-    let said = refused(data.path(), Some(&needs.runtime), &sift);
-    assert!(said.contains("choose --features xfeat"), "{said}");
+    let output = refused(data.path(), Some(&needs.runtime), &sift);
+    assert!(output.contains("choose --features xfeat"), "{output}");
 
     let learned = [
         "--features",
@@ -117,10 +118,10 @@ fn fountain_with_learned_features() {
         "--max-side",
         "480",
     ];
-    let said = run(&[&reconstruct[..], &learned].concat());
+    let output = run(&[&reconstruct[..], &learned].concat());
     assert!(
-        said.contains("11 of 11 frames by xfeat + lighterglue"),
-        "{said}"
+        output.contains("11 of 11 frames by xfeat + lighterglue"),
+        "{output}"
     );
     assert_eq!(project.placed(), 11);
     let errors = project.errors(&needs.set.join("sparse"));

@@ -71,17 +71,17 @@ fn score(project: &Project, set: &Path, within: &str) -> Value {
         );
         serde_json::from_str(text.lines().last().unwrap()).unwrap()
     };
-    let (told, guessed) = (
+    let (reported, guessed) = (
         scored(&[&seen[..], &["--frames", &root]].concat()),
         scored(&seen),
     );
-    assert_ne!(told["compared_in_depth"], guessed["compared_in_depth"]);
+    assert_ne!(reported["compared_in_depth"], guessed["compared_in_depth"]);
     assert_eq!(
-        completeness(&told),
+        completeness(&reported),
         completeness(&guessed),
-        "pictures tell of the share in depth alone"
+        "images tell of the share in depth alone"
     );
-    told
+    reported
 }
 
 fn completeness(score: &Value) -> Vec<f64> {
@@ -115,8 +115,8 @@ fn dtu_with_ground_truth_cameras() {
     let data = data_dir();
     let set = data.join("dtu_scan24");
     let project = project(&set, 12);
-    let said = stereo(&project, 640);
-    assert!(said.contains("12 of 12 views"), "{said}");
+    let message = stereo(&project, 640);
+    assert!(message.contains("12 of 12 views"), "{message}");
     let score = score(&project, &set, "1,2,3");
     let (complete, in_depth) = shares(&score);
     assert!(complete[0] >= 0.88 && complete[1] >= 0.97, "{complete:?}");
@@ -202,7 +202,7 @@ fn stopped_in_turn(parts: &Project) -> Option<Session> {
         let again = first
             .iter()
             .find(|(path, made)| kept.iter().any(|(other, now)| other == path && now != made));
-        assert!(again.is_none(), "{stage}: made anew: {again:?}");
+        assert!(again.is_none(), "{stage}: made again: {again:?}");
         first = kept;
         if stage == "depth" {
             let (path, _) = first.remove(0);
@@ -289,7 +289,7 @@ fn stopped_run_resumes_and_gives_the_same_result() {
         project
             .frames
             .iter()
-            .all(|frame| matches!(frame.depth, Some(DepthSource::Made { .. })))
+            .all(|frame| matches!(frame.depth, Some(DepthSource::Estimated { .. })))
     );
     drop(session);
     let (once, twice) = (depth_maps(&whole.root()), depth_maps(&parts.root()));
@@ -335,7 +335,7 @@ fn live_preview_grows_during_stereo() {
     let data = data_dir();
     let project = project(&data.join("dtu_scan24"), 4);
     let mut session = opened(&project);
-    let (tell, told) = std::sync::mpsc::channel();
+    let (tell, reported) = std::sync::mpsc::channel();
     session.set_waker(move || {
         let _ = tell.send(());
     });
@@ -343,13 +343,13 @@ fn live_preview_grows_during_stereo() {
     let mut seen: Vec<usize> = Vec::new();
     while !session.jobs().is_empty() {
         session.poll();
-        let points = session.growing_cloud().map_or(0, |cloud| cloud.len());
+        let points = session.preview_cloud().map_or(0, |cloud| cloud.len());
         if seen.last() != Some(&points) {
             seen.push(points);
         }
-        let _ = told.recv_timeout(Duration::from_millis(200));
+        let _ = reported.recv_timeout(Duration::from_millis(200));
     }
-    assert_eq!((seen[0], session.growing_cloud()), (0, None), "{seen:?}");
+    assert_eq!((seen[0], session.preview_cloud()), (0, None), "{seen:?}");
     let rising = seen.windows(2).filter(|pair| pair[1] > pair[0]).count();
     assert!(
         rising >= 3 && seen.iter().any(|&points| points > 10_000),
@@ -360,25 +360,25 @@ fn live_preview_grows_during_stereo() {
 fn frames_without_depth_are_reported_and_the_rest_is_done() {
     let data = data_dir();
     let set = data.join("strecha_fountain_P11");
-    let pictures = TempDir::new().unwrap();
+    let images = TempDir::new().unwrap();
     for k in 0..5 {
         let name = format!("{k:04}.jpg");
-        std::fs::copy(set.join("images").join(&name), pictures.path().join(&name)).unwrap();
+        std::fs::copy(set.join("images").join(&name), images.path().join(&name)).unwrap();
     }
     let grey = image::RgbImage::from_pixel(1536, 1024, image::Rgb([90; 3]));
-    grey.save(pictures.path().join("0003.jpg")).unwrap();
+    grey.save(images.path().join("0003.jpg")).unwrap();
     let cameras = set.join("sparse");
-    let project = Project::new(pictures.path(), &["--cameras", cameras.to_str().unwrap()]);
-    std::fs::remove_file(pictures.path().join("0004.jpg")).unwrap();
-    let said = stereo(&project, 200);
-    assert!(said.contains("3 of 5 views"), "{said}");
+    let project = Project::new(images.path(), &["--cameras", cameras.to_str().unwrap()]);
+    std::fs::remove_file(images.path().join("0004.jpg")).unwrap();
+    let message = stereo(&project, 200);
+    assert!(message.contains("3 of 5 views"), "{message}");
     assert!(
-        said.contains("0003.jpg has no depth: all its pixels are alike"),
-        "{said}"
+        message.contains("0003.jpg has no depth: all its pixels are alike"),
+        "{message}"
     );
     assert!(
-        said.contains("0004.jpg has no depth") && said.contains("is not there"),
-        "{said}"
+        message.contains("0004.jpg has no depth") && message.contains("is not there"),
+        "{message}"
     );
     let depths: Vec<bool> = project.info()["frames"]
         .as_array()
@@ -393,8 +393,8 @@ fn two_views_are_enough_and_one_is_not() {
     let data = data_dir();
     let set = data.join("strecha_fountain_P11");
     let two = project(&set, 2);
-    let said = stereo(&two, 200);
-    assert!(said.contains("2 of 2 views"), "{said}");
+    let message = stereo(&two, 200);
+    assert!(message.contains("2 of 2 views"), "{message}");
     let fused = two.done(&["fuse", &two.root()]);
     let header = std::fs::read(Path::new(&two.root()).join("cloud.ply")).unwrap();
     let header = String::from_utf8_lossy(&header[..400]).into_owned();
@@ -452,18 +452,18 @@ fn depth_is_scaled_with_the_scene_and_recomputed_for_changed_cameras() {
     project.done(&[&["scale", &project.root(), "--length", "10"][..], &ends].concat());
     let factor = median("scaled") / before;
     assert!((factor - 1.0).abs() > 0.1, "{factor}");
-    let said = project.done(&["fuse", &project.root()]);
-    assert!(!said.contains("warning"), "{said}");
+    let message = project.done(&["fuse", &project.root()]);
+    assert!(!message.contains("warning"), "{message}");
     // Computed again with the scaled cameras, the depth is the same in the new unit.
     stereo(&project, 200);
     let again = median("again") / before;
     assert!((again / factor - 1.0).abs() < 0.01, "{again} {factor}");
     // With other cameras, the fusion of the existing depth is stale, and a warning says so.
     project.done(&["reconstruct", &project.root(), "--method", "sfm"]);
-    let said = project.done(&["fuse", &project.root()]);
+    let message = project.done(&["fuse", &project.root()]);
     assert!(
-        said.contains("the depths were made with other cameras"),
-        "{said}"
+        message.contains("the depths were made with other cameras"),
+        "{message}"
     );
     assert_eq!(project.info()["results"]["cloud"]["stale"], true);
 }

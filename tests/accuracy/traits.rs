@@ -182,7 +182,7 @@ fn traits_and_leaf_count_of_the_fused_cloud_equal_ground_truth() {
         .map(|name| session.project().unwrap().labels.by_name(name).unwrap().id);
     assert!(session.angles([pair]).is_empty());
     session.settle(|_| ControlFlow::Continue(()));
-    let asked = session.angles([pair])[&pair].clone().unwrap()[0].value;
+    let requested = session.angles([pair])[&pair].clone().unwrap()[0].value;
     drop(session);
     let angles = exported_angles(folder.path(), &blades);
     assert_eq!(
@@ -193,8 +193,8 @@ fn traits_and_leaf_count_of_the_fused_cloud_equal_ground_truth() {
         blades
     );
     assert!(
-        (angles[2].1 - asked).abs() < 1e-3,
-        "{} and {asked}",
+        (angles[2].1 - requested).abs() < 1e-3,
+        "{} and {requested}",
         angles[2].1
     );
     for (label, degrees) in angles {

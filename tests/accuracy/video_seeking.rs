@@ -6,7 +6,7 @@ use std::process::Command;
 use ostra_core::job::Progress;
 use ostra_frames::{FrameFolder, FrameStore, OpenRequest, Opened, open};
 
-use crate::film::{Making, make_film};
+use crate::video::{Making, make_video};
 
 const SIZE: (u32, u32) = (64, 48);
 const COUNT: u64 = 150;
@@ -184,7 +184,7 @@ fn frames_by_seeking_and_in_order_equal_a_linear_decode() {
         .filter(|(_, options)| has_encoder(options))
     {
         let path = folder.path().join(name);
-        make_film(
+        make_video(
             &path,
             &Making {
                 size: SIZE,
@@ -203,7 +203,7 @@ fn frames_of_equal_times_are_distinguished() {
     let path = folder.path().join("3000_a_second.mkv");
     // Matroska counts milliseconds, so two or three frames have the same time.
     let options = "-vf settb=1/3000,setpts=N -r 3000 -c:v libx264 -g 70 -pix_fmt yuv420p";
-    make_film(
+    make_video(
         &path,
         &Making {
             size: SIZE,
@@ -227,7 +227,7 @@ fn damaged_stream_is_reported_and_equals_a_linear_decode() {
             folder.path().join(format!("whole_{name}")),
             folder.path().join(name),
         );
-        make_film(
+        make_video(
             &whole,
             &Making {
                 size: SIZE,
@@ -258,7 +258,7 @@ fn rotated_video_and_unusual_names_are_read() {
     let options = "-metadata:s:v:0 rotate=90 -c:v libx264 -g 70 -pix_fmt yuv420p";
     for name in ["-y.mp4", "a%03d.mp4", "http:x*.mp4", "turned?.mp4"] {
         let made = folder.path().join("made.mp4");
-        make_film(
+        make_video(
             &made,
             &Making {
                 size: SIZE,
@@ -283,7 +283,7 @@ fn files_that_refer_to_other_files_are_not_followed() {
     let folder = tempfile::tempdir().unwrap();
     let secret = folder.path().join("secret.mp4");
     let options = "-c:v libx264 -pix_fmt yuv420p";
-    make_film(
+    make_video(
         &secret,
         &Making {
             size: SIZE,
@@ -344,7 +344,7 @@ fn relative_paths_and_addresses_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("video.mp4");
     let options = "-c:v libx264 -pix_fmt yuv420p";
-    make_film(
+    make_video(
         &path,
         &Making {
             size: SIZE,
@@ -363,7 +363,7 @@ fn relative_paths_and_addresses_are_refused() {
         "pipe:0",
     ] {
         let mut frame = frame.clone();
-        frame.picture = ostra_frames::PictureSource::Film {
+        frame.image = ostra_frames::ImageSource::Video {
             path: address.into(),
             index: 0,
             time_s: 0.0,

@@ -92,7 +92,7 @@ fn complete_workflow_can_be_undone_repeated_and_reopened() {
     assert_eq!(
         end.masks
             .values()
-            .filter(|mask| mask.origin == MaskOrigin::Anchor)
+            .filter(|mask| mask.origin == MaskOrigin::Keyframe)
             .count(),
         2
     );
@@ -362,13 +362,13 @@ fn stopped_tracking_keeps_its_frames() {
         .any(|event| matches!(event, Event::Finished { title, .. } if title == "Track"));
     assert!(stopped || finished, "{events:?}");
     let tracked = session.project().unwrap().masks.len() - 1;
-    let told = session
+    let reported = session
         .project()
         .unwrap()
         .results
         .get(&ResultKind::Tracking)
         .map_or(0, |record| record.frames);
-    assert_eq!(told, tracked);
+    assert_eq!(reported, tracked);
     perform(&mut session, Command::Undo).unwrap();
     assert_eq!(
         session.project().unwrap().masks.len(),

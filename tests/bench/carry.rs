@@ -2,7 +2,7 @@
 //!
 //! Another data set with `color`, `depth` and `sparse` can be named.
 //!
-//! `cargo bench --bench carry [-- SET]`
+//! `cargo bench --bench transfer [-- SET]`
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -46,8 +46,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             ids: (0..width * height).map(id).collect(),
         }
     };
-    let anchors = [frames.len() / 4, 3 * frames.len() / 4];
-    let anchors: BTreeMap<usize, Arc<LabelMask>> = anchors
+    let keyframes = [frames.len() / 4, 3 * frames.len() / 4];
+    let keyframes: BTreeMap<usize, Arc<LabelMask>> = keyframes
         .into_iter()
         .map(|k| (k, Arc::new(striped(frames[k].width, frames[k].height))))
         .collect();
@@ -56,7 +56,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         to: frames.len() - 1,
         frames: Arc::new(frames),
         store: Arc::new(FrameStore::new(256 << 20)),
-        anchors,
+        keyframes,
         direction: Direction::Both,
         labels: None,
     };

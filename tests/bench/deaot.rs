@@ -15,7 +15,7 @@
 
 mod following;
 
-use following::Asked;
+use following::TrackedCase;
 use ostra_tracking::deaot::Deaot;
 
 /// Width, height, and published frames per second.
@@ -26,11 +26,13 @@ const SIZES: [(u32, u32, &str); 3] = [
 ];
 
 fn main() {
-    let Some(asked) = Asked::read() else { return };
-    match Deaot::load(&asked.folder) {
+    let Some(requested) = TrackedCase::read() else {
+        return;
+    };
+    match Deaot::load(&requested.folder) {
         Ok(deaot) => {
-            asked.walk(&deaot);
-            asked.rates(&deaot, &SIZES);
+            requested.walk(&deaot);
+            requested.rates(&deaot, &SIZES);
         }
         Err(error) => println!("{error}"),
     }

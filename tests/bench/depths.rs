@@ -135,14 +135,14 @@ fn score(root: &str, dir: &Path, reference: &Path, within: &str) {
         within,
         "--json",
     ];
-    let said = done(
+    let output = done(
         &[
             &["eval", "cloud", "--truth", reference, "--result", cloud][..],
             &seen,
         ]
         .concat(),
     );
-    let score: Value = serde_json::from_str(said.lines().last().unwrap()).unwrap();
+    let score: Value = serde_json::from_str(output.lines().last().unwrap()).unwrap();
     println!("  {} points", score["result_points"]);
     for at in score["surface"].as_array().unwrap() {
         let share = |name: &str| 100.0 * at[name].as_f64().unwrap();

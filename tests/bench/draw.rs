@@ -78,7 +78,7 @@ fn bench(device: &wgpu::Device, queue: &wgpu::Queue, points: usize) {
         std::thread::yield_now();
     }
     println!(
-        "{:.1} M points: first picture {:.0} ms; all arranged, uploaded and drawn {:.2} s in {calls} calls, the slowest \
+        "{:.1} M points: first image {:.0} ms; all arranged, uploaded and drawn {:.2} s in {calls} calls, the slowest \
          {:.0} ms; peak memory {}",
         points as f64 / 1e6,
         first.as_secs_f64() * 1e3,

@@ -17,7 +17,7 @@ use std::time::Instant;
 use ostra_compute::nn::models_folder;
 use ostra_core::job::Progress;
 use ostra_eval::mask_score::{FramePair, score_pairs};
-use ostra_frames::{FrameFolder, FrameStore, OpenRequest, open};
+use ostra_frames::{Frame, FrameFolder, FrameStore, OpenRequest, open};
 use ostra_masks::{Direction, LabelId, LabelMask, RunMask, TrackRequest, TrackedFrame, Tracker};
 use ostra_tracking::XFeatCells;
 use ostra_tracking::flow::{DenseFeatures, FlowTracker};
@@ -80,10 +80,29 @@ fn clips(set: &Path) -> Result<Vec<String>, std::io::Error> {
     Ok(names)
 }
 
-fn line(name: &str, [j, f, fps, sure, off, order]: [f64; 6]) -> String {
+fn line(name: &str, [j, f, fps, confidence, off, order]: [f64; 6]) -> String {
     format!(
-        "{name:16} J {j:.3}  F {f:.3}  {fps:4.1} frames/s  confidence {sure:.3}, off by {off:.3}, order {order:.2}"
+        "{name:16} J {j:.3}  F {f:.3}  {fps:4.1} frames/s  confidence {confidence:.3}, off by {off:.3}, order {order:.2}"
     )
+}
+
+/// Reads the true masks of a clip's frames.
+fn read_truths(frames: &[Frame], folder: &Path) -> Result<Vec<RunMask>, Box<dyn Error>> {
+    let mut truths = Vec::new();
+    for frame in frames {
+        let path = folder.join(Path::new(&frame.name).with_extension("png"));
+        let grey = image::open(path)?.to_luma8();
+        let ids = grey
+            .pixels()
+            .map(|pixel| LabelId(u16::from(pixel.0[0] > 127)))
+            .collect();
+        truths.push(RunMask::encode(&LabelMask {
+            width: grey.width(),
+            height: grey.height(),
+            ids,
+        }));
+    }
+    Ok(truths)
 }
 
 /// Returns mean J, mean F, frames per second, and three figures of the confidence.
@@ -109,29 +128,13 @@ fn tracked(
         &Progress::default(),
     )?
     .frames;
-    let mut truths = Vec::new();
-    for frame in &frames {
-        let path = set
-            .join("Annotations")
-            .join(clip)
-            .join(Path::new(&frame.name).with_extension("png"));
-        let grey = image::open(path)?.to_luma8();
-        let ids = grey
-            .pixels()
-            .map(|pixel| LabelId(u16::from(pixel.0[0] > 127)))
-            .collect();
-        truths.push(RunMask::encode(&LabelMask {
-            width: grey.width(),
-            height: grey.height(),
-            ids,
-        }));
-    }
+    let truths = read_truths(&frames, &set.join("Annotations").join(clip))?;
     let request = TrackRequest {
         from: 0,
         to: frames.len() - 1,
         frames: Arc::new(frames),
         store: Arc::new(FrameStore::new(64 << 20)),
-        anchors: truths
+        keyframes: truths
             .iter()
             .enumerate()
             .step_by(every)
@@ -140,17 +143,17 @@ fn tracked(
         direction: Direction::Both,
         labels: None,
     };
-    let (mut pairs, mut sure) = (Vec::new(), Vec::new());
+    let (mut pairs, mut confidence) = (Vec::new(), Vec::new());
     let mut take = |tracked: TrackedFrame| {
         if tracked.preliminary {
             return;
         }
         let (name, truth) = (tracked.frame.to_string(), truths[tracked.frame].clone());
-        sure.push(
+        confidence.push(
             tracked
                 .confidence
                 .get(&LabelId(1))
-                .map_or(0.0, |&sure| f64::from(sure)),
+                .map_or(0.0, |&confidence| f64::from(confidence)),
         );
         pairs.push(FramePair {
             name,
@@ -167,14 +170,19 @@ fn tracked(
         .iter()
         .map(|pair| region(&pair.truth).iou(&region(&pair.result)))
         .collect();
-    let off = mean(sure.iter().zip(&ious).map(|(sure, iou)| (sure - iou).abs()));
+    let off = mean(
+        confidence
+            .iter()
+            .zip(&ious)
+            .map(|(confidence, iou)| (confidence - iou).abs()),
+    );
     Ok([
         score.j,
         score.f,
         fps,
-        mean(sure.iter().copied()),
+        mean(confidence.iter().copied()),
         off,
-        rank_correlation(&sure, &ious),
+        rank_correlation(&confidence, &ious),
     ])
 }
 

@@ -9,13 +9,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use ostra_core::job::Progress;
-use ostra_frames::{Frame, FrameStore, Orientation, PictureSource};
+use ostra_frames::{Frame, FrameStore, ImageSource, Orientation};
 use ostra_masks::{Direction, LabelId, LabelMask, TrackRequest, TrackedFrame, Tracker};
 
 const LABELS: u32 = 3;
 
 /// Arguments of the command line.
-pub struct Asked {
+pub struct TrackedCase {
     /// Folder of networks.
     pub folder: PathBuf,
     /// Frames to track at each size.
@@ -24,7 +24,7 @@ pub struct Asked {
     long: usize,
 }
 
-impl Asked {
+impl TrackedCase {
     /// Reads `[FOLDER] [FRAMES] [LONG]`; without a folder, prints a line and returns `None`.
     pub fn read() -> Option<Self> {
         let words: Vec<String> = std::env::args()
@@ -87,10 +87,10 @@ fn follow(
 ) -> f64 {
     let scratch = tempfile::tempdir().expect("a folder can be made");
     let frames = (0..=count)
-        .map(|frame| picture(scratch.path(), frame, width, height))
+        .map(|frame| image(scratch.path(), frame, width, height))
         .collect();
-    let mut anchor = LabelMask::empty(width, height);
-    for (place, id) in anchor.ids.iter_mut().enumerate() {
+    let mut keyframe = LabelMask::empty(width, height);
+    for (place, id) in keyframe.ids.iter_mut().enumerate() {
         let (x, y) = (place as u32 % width, place as u32 / width);
         let label = 1 + x * (LABELS + 1) / width;
         if label <= LABELS && (height / 4..height / 2).contains(&y) {
@@ -100,7 +100,7 @@ fn follow(
     let request = TrackRequest {
         frames: Arc::new(frames),
         store: Arc::new(FrameStore::new(64 << 20)),
-        anchors: BTreeMap::from([(0, Arc::new(anchor))]),
+        keyframes: BTreeMap::from([(0, Arc::new(keyframe))]),
         from: 0,
         to: count,
         direction: Direction::Forward,
@@ -119,7 +119,7 @@ fn follow(
 }
 
 /// Writes an image of stripes that move in front of a gradient, and returns its frame.
-fn picture(folder: &Path, frame: usize, width: u32, height: u32) -> Frame {
+fn image(folder: &Path, frame: usize, width: u32, height: u32) -> Frame {
     let path = folder.join(format!("{frame:04}.png"));
     let shade = |x: u32, y: u32| {
         let stripe = if (x + y + 3 * frame as u32) % 64 < 32 {
@@ -135,8 +135,8 @@ fn picture(folder: &Path, frame: usize, width: u32, height: u32) -> Frame {
     };
     image::RgbImage::from_fn(width, height, shade)
         .save(&path)
-        .expect("a picture can be written");
-    let picture = PictureSource::File {
+        .expect("an image can be written");
+    let image = ImageSource::File {
         path,
         orientation: Orientation::default(),
     };
@@ -144,7 +144,7 @@ fn picture(folder: &Path, frame: usize, width: u32, height: u32) -> Frame {
         name: format!("{frame:04}"),
         width,
         height,
-        picture,
+        image,
         depth: None,
         camera: None,
     }

@@ -61,16 +61,16 @@ fn times(dino: &GroundingDino, width: u32, height: u32) {
     let phrases = ["red cat".to_owned(), "rice".to_owned()];
     let ms = |threshold: f32| {
         let start = Instant::now();
-        let asked = GroundRequest {
+        let requested = GroundRequest {
             phrases: &phrases,
             threshold: Some(threshold),
         };
-        dino.ground(&image, &asked, &Progress::default())
+        dino.ground(&image, &requested, &Progress::default())
             .expect("the network runs");
         start.elapsed().as_secs_f64() * 1e3
     };
     println!(
-        "{width}×{height}: a picture {:.0} ms, another threshold {:.0} ms",
+        "{width}×{height}: an image {:.0} ms, another threshold {:.0} ms",
         ms(0.3),
         ms(0.5)
     );

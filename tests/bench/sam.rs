@@ -74,15 +74,15 @@ fn times(sam: &Sam, width: u32, height: u32) {
         sam.frame(&embedding)
             .expect("the embedding is of this network"),
     );
-    let mut asked: Vec<f64> = (0..CLICKS)
+    let mut requested: Vec<f64> = (0..CLICKS)
         .map(|at| click(&*frame, at, width, height))
         .collect();
-    asked.sort_by(f64::total_cmp);
+    requested.sort_by(f64::total_cmp);
     println!(
         "{width}×{height}: encoder {:.0} ms, a click {:.0} ms (median of {CLICKS}, longest {:.0} ms), embedding {} kB",
         encoded.as_secs_f64() * 1e3,
-        asked[asked.len() / 2],
-        asked[asked.len() - 1],
+        requested[requested.len() / 2],
+        requested[requested.len() - 1],
         embedding.bytes() / 1000
     );
 }
@@ -110,7 +110,7 @@ fn click(frame: &dyn PreparedFrame, at: u32, width: u32, height: u32) -> f64 {
     let elapsed = start.elapsed();
     assert!(
         region
-            .expect("the click lies in the picture")
+            .expect("the click lies in the image")
             .at(at_px.x as u32, at_px.y as u32)
     );
     elapsed.as_secs_f64() * 1e3

@@ -45,7 +45,7 @@ fn main() {
     let data = std::env::var_os("OSTRA_DATA")
         .map_or_else(|| PathBuf::from("../shared/data"), PathBuf::from);
     if !data.is_dir() {
-        println!("no pictures at {}: set OSTRA_DATA", data.display());
+        println!("no images at {}: set OSTRA_DATA", data.display());
         return;
     }
     if wants("davis") {
@@ -83,15 +83,15 @@ fn davis_frames(root: &Path, names: &[&str]) -> impl Iterator<Item = (String, Ar
     let wanted = clips.filter(|clip| names.is_empty() || names.contains(&&**clip));
     wanted.flat_map(|clip| {
         let folder = root.join("JPEGImages").join(&clip);
-        let pictures = sorted(&folder);
-        [0, pictures.len() / 2, pictures.len() - 1].map(|at| {
+        let images = sorted(&folder);
+        [0, images.len() / 2, images.len() - 1].map(|at| {
             let truth = root
                 .join("Annotations")
                 .join(&clip)
                 .join(format!("{at:05}.png"));
             (
                 format!("{clip}-{at}"),
-                picture(&folder.join(&pictures[at])),
+                image(&folder.join(&images[at])),
                 mask(&truth, |value| value > 127),
             )
         })
@@ -134,7 +134,7 @@ fn boxes(data: &Path, names: &[&str]) {
 fn shelf_objects(root: &Path, names: &[&str]) -> Vec<(String, Arc<Image>, Arc<DepthMap>, Region)> {
     let mut found = Vec::new();
     for (at, file) in sorted(&root.join("color")).iter().enumerate().step_by(3) {
-        let image = picture(&root.join("color").join(file));
+        let image = image(&root.join("color").join(file));
         let depth = Arc::new(depth(&root.join("depth").join(file)));
         for object in 1..=4u8 {
             let name = format!("shelf{at}-{object}");
@@ -288,7 +288,7 @@ fn times(root: &Path) {
         let mut runs = Vec::new();
         for clip in ["blackswan", "dance-twirl", "scooter-black"] {
             let image = resized(
-                &picture(&root.join("JPEGImages").join(clip).join("00020.jpg")),
+                &image(&root.join("JPEGImages").join(clip).join("00020.jpg")),
                 width,
                 height,
             );
@@ -370,7 +370,7 @@ fn play(
     let start = Instant::now();
     let frame = BuiltinSegmenter
         .prepare(image, depth, &Progress::default())
-        .expect("the picture can be prepared");
+        .expect("the image can be prepared");
     let mut run = Run {
         ious: Vec::new(),
         answers: Vec::new(),
@@ -393,7 +393,7 @@ fn play(
 fn boxed(name: &str, image: &Arc<Image>, depth: Option<&Arc<DepthMap>>, truth: &Region) -> f64 {
     let frame = BuiltinSegmenter
         .prepare(image, depth, &Progress::default())
-        .expect("the picture can be prepared");
+        .expect("the image can be prepared");
     let width = truth.width as usize;
     let places = || {
         (0..truth.inside.len())
@@ -427,7 +427,7 @@ fn ask(frame: &dyn PreparedFrame, prompt: &Prompt, answer: &Region) -> Region {
             },
             &Progress::default(),
         )
-        .expect("a click inside the picture has an answer")
+        .expect("a click inside the image has an answer")
 }
 
 fn iou(a: &Region, b: &Region) -> f64 {
@@ -445,7 +445,7 @@ fn median_ms(times: &mut [Duration]) -> f64 {
 }
 
 fn sorted(folder: &Path) -> Vec<String> {
-    let entries = std::fs::read_dir(folder).expect("the folder of pictures can be read");
+    let entries = std::fs::read_dir(folder).expect("the folder of images can be read");
     let mut names: Vec<String> = entries
         .flatten()
         .map(|entry| entry.file_name().to_string_lossy().into())
@@ -454,10 +454,8 @@ fn sorted(folder: &Path) -> Vec<String> {
     names
 }
 
-fn picture(path: &Path) -> Arc<Image> {
-    let image = image::open(path)
-        .expect("the picture can be read")
-        .to_rgb8();
+fn image(path: &Path) -> Arc<Image> {
+    let image = image::open(path).expect("the image can be read").to_rgb8();
     Arc::new(Image {
         width: image.width(),
         height: image.height(),

@@ -15,7 +15,7 @@ use ostra_core::job::Progress;
 use ostra_geometry::{Camera, Pose};
 use ostra_reconstruct::stereo::Engine;
 use ostra_reconstruct::stereo::patchmatch::{
-    Found, PatchMatchOptions, Picture, Plane, Round, Search, Tones,
+    PatchMatchOptions, Plane, PlaneMap, PosedImage, Round, Search, Tones,
 };
 
 /// Number of images: a reference and its sources.
@@ -34,12 +34,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     } else {
         named
     } {
-        let pictures: Vec<Arc<Picture>> = (0..VIEWS)
-            .map(|index| picture(index, width, height))
+        let images: Vec<Arc<PosedImage>> = (0..VIEWS)
+            .map(|index| image(index, width, height))
             .collect();
-        let mut cpu: Option<[Found; 2]> = None;
+        let mut cpu: Option<[PlaneMap; 2]> = None;
         for engine in &engines {
-            let (founds, [first, consistent]) = timed(engine, &pictures)?;
+            let (founds, [first, consistent]) = timed(engine, &images)?;
             println!(
                 "{width}x{height}, {} sources, on {}: {first:.2} s, consistent round {consistent:.2} s",
                 VIEWS - 1,
@@ -70,10 +70,10 @@ fn size(word: &str) -> Option<(u32, u32)> {
 /// The second search starts from the first result and the sources' true planes.
 fn timed(
     engine: &Engine,
-    pictures: &[Arc<Picture>],
-) -> Result<([Found; 2], [f64; 2]), Box<dyn Error>> {
+    images: &[Arc<PosedImage>],
+) -> Result<([PlaneMap; 2], [f64; 2]), Box<dyn Error>> {
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
-    let (reference, sources) = (&*pictures[0], &pictures[1..]);
+    let (reference, sources) = (&*images[0], &images[1..]);
     let task = Search {
         reference,
         sources,
@@ -99,7 +99,7 @@ fn timed(
 }
 
 /// Returns the percentage of pixels with CPU depth whose GPU depth agrees to 0.1 %.
-fn share(cpu: &Found, gpu: &Found) -> f64 {
+fn share(cpu: &PlaneMap, gpu: &PlaneMap) -> f64 {
     let known = cpu
         .planes
         .iter()
@@ -146,17 +146,10 @@ fn wall(camera: &Camera, pose: &Pose, x: u32, y: u32) -> (f64, DVec3) {
 }
 
 /// Returns the wall's plane at each pixel of an image.
-fn true_planes(picture: &Picture) -> Found {
-    let (width, height) = picture.size();
-    let inverse_depth = |x: usize, y: usize| {
-        wall(
-            &picture.camera,
-            &picture.camera_from_world,
-            x as u32,
-            y as u32,
-        )
-        .0
-    };
+fn true_planes(image: &PosedImage) -> PlaneMap {
+    let (width, height) = image.size();
+    let inverse_depth =
+        |x: usize, y: usize| wall(&image.camera, &image.camera_from_world, x as u32, y as u32).0;
     let origin = inverse_depth(0, 0);
     let slope =
         [inverse_depth(1, 0) - origin, inverse_depth(0, 1) - origin].map(|slope| slope as f32);
@@ -165,7 +158,7 @@ fn true_planes(picture: &Picture) -> Found {
         slope,
     };
     let planes = (0..width * height).map(plane).collect();
-    Found {
+    PlaneMap {
         width,
         height,
         planes,
@@ -174,7 +167,7 @@ fn true_planes(picture: &Picture) -> Found {
 }
 
 /// Returns the image of the textured wall from one of several places.
-fn picture(index: usize, width: u32, height: u32) -> Arc<Picture> {
+fn image(index: usize, width: u32, height: u32) -> Arc<PosedImage> {
     let (camera, pose) = view(index, width, height);
     let fineness = f64::from(width) / 160.0;
     let grey = |i: u32| {
@@ -191,7 +184,7 @@ fn picture(index: usize, width: u32, height: u32) -> Arc<Picture> {
         luma,
         chroma: Vec::new(),
     };
-    Arc::new(Picture::new(
+    Arc::new(PosedImage::new(
         tones,
         camera,
         pose,

@@ -15,7 +15,7 @@
 
 mod following;
 
-use following::Asked;
+use following::TrackedCase;
 use ostra_tracking::xmem::XMem;
 
 /// Width, height, and published frames per second.
@@ -26,13 +26,15 @@ const SIZES: [(u32, u32, &str); 3] = [
 ];
 
 fn main() {
-    let Some(asked) = Asked::read() else { return };
-    match XMem::load(&asked.folder) {
+    let Some(requested) = TrackedCase::read() else {
+        return;
+    };
+    match XMem::load(&requested.folder) {
         Ok(xmem) => {
             let mut small = xmem.clone();
             small.options.short_side = None;
-            asked.walk(&small);
-            asked.rates(&xmem, &SIZES);
+            requested.walk(&small);
+            requested.rates(&xmem, &SIZES);
         }
         Err(error) => println!("{error}"),
     }

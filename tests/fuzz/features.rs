@@ -63,13 +63,13 @@ fn extract_and_match(folder: &Path) {
         identity: "fuzz",
         cache: &cache,
     };
-    let pictures = [1, 2].map(|step| {
+    let images = [1, 2].map(|step| {
         let grey: Vec<f32> = (0..WIDTH * HEIGHT)
             .map(|at| (at * at * step % 256) as f32 / 255.0)
             .collect();
         extractor.extract(&grey, WIDTH, HEIGHT, None).unwrap()
     });
-    for one in &pictures {
+    for one in &images {
         let counts = [one.scales_px.len(), one.scores.len(), one.descriptors.len()];
         assert!(
             counts
@@ -77,12 +77,12 @@ fn extract_and_match(folder: &Path) {
                 .all(|&count| count == 0 || count == one.keypoints.len())
         );
     }
-    let all: Vec<&Features> = pictures.iter().collect();
+    let all: Vec<&Features> = images.iter().collect();
     // Descriptors of different lengths cannot be compared; that is an error, not a panic.
     if let Ok(matches) = matcher.of_set(&all).and_then(|matches| matches(0, 1)) {
         for (first, second) in matches {
-            assert!((first as usize) < pictures[0].keypoints.len());
-            assert!((second as usize) < pictures[1].keypoints.len());
+            assert!((first as usize) < images[0].keypoints.len());
+            assert!((second as usize) < images[1].keypoints.len());
         }
     }
 }
@@ -101,7 +101,7 @@ fn seeds() -> Vec<Seed> {
         })
         .collect();
     seeds.sort_by(|one, other| one.path.cmp(&other.path));
-    assert_eq!(seeds.len(), 3, "two pictures and the matches of one pair");
+    assert_eq!(seeds.len(), 3, "two images and the matches of one pair");
     seeds
 }
 

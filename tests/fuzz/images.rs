@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ostra_core::job::Progress;
-use ostra_frames::{FrameFolder, FrameStore, MadeDepth, OpenRequest, exif_focal_px, open};
+use ostra_frames::{EstimatedDepth, FrameFolder, FrameStore, OpenRequest, exif_focal_px, open};
 
 use crate::harness::{Seed, fuzz};
 use crate::seeds;
@@ -56,8 +56,8 @@ fn depth_maps() {
 
 #[test]
 fn stereo_depth_maps() {
-    let seed = Seed::new("0.tiff", seeds::made_depth());
+    let seed = Seed::new("0.tiff", seeds::estimated_depth());
     fuzz!("stereo depth maps", 10_000, [seed], |folder, seed| {
-        let _ = MadeDepth::read(&folder.join(&seed.path));
+        let _ = EstimatedDepth::read(&folder.join(&seed.path));
     });
 }

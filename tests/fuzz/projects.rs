@@ -14,8 +14,8 @@ use ostra_masks::{Click, LabelId, Prompt};
 use ostra_project::{FuseRequest, Project, ResultKind};
 use ostra_session::Event;
 use ostra_session::{
-    Command, NewProject, PaintRequest, PromptRequest, RangeChange, RangeRequest, Recipe, Session,
-    TidyRequest, TraceRequest,
+    CleanRequest, Command, NewProject, PaintRequest, PromptRequest, RangeChange, RangeRequest,
+    Recipe, Session, TraceRequest,
 };
 
 use crate::harness::{Seed, fuzz, scratch};
@@ -279,7 +279,7 @@ fn recipes() {
             segmenter: SegmenterId::Builtin,
         }),
         Command::Trace(trace),
-        Command::Tidy(TidyRequest {
+        Command::Clean(CleanRequest {
             frame: 0,
             label: LabelId(1),
             holes_below_px: 5,
@@ -320,7 +320,7 @@ fn recipes() {
                     C::AddLabel { .. }
                         | C::Paint(_)
                         | C::Prompt(_)
-                        | C::Tidy(_)
+                        | C::Clean(_)
                         | C::Trace(_)
                         | C::Undo
                         | C::Redo

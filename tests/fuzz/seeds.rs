@@ -9,7 +9,7 @@ use image::{
 use ostra_cloud::ply::{Coloring, save_mesh, write_ply};
 use ostra_cloud::{LabelledCloud, LabelledMesh};
 use ostra_core::job::Progress;
-use ostra_frames::{DepthMap, MadeDepth};
+use ostra_frames::{DepthMap, EstimatedDepth};
 use ostra_geometry::{Camera, Distortion};
 use ostra_masks::{Label, LabelId, LabelTree};
 
@@ -90,7 +90,7 @@ pub fn depths() -> Vec<Seed> {
         Seed::new("0.png", encoded(&steps.clone().into(), ImageFormat::Png)),
         Seed::new("0.tiff", encoded(&steps.into(), ImageFormat::Tiff)),
         Seed::new("0.tif", float.into_inner()),
-        Seed::new("0.tif", made_depth()),
+        Seed::new("0.tif", estimated_depth()),
     ]
 }
 
@@ -104,7 +104,7 @@ fn camera() -> Camera {
     }
 }
 
-pub fn made_depth() -> Vec<u8> {
+pub fn estimated_depth() -> Vec<u8> {
     let depths: Vec<f32> = (0..16 * 12).map(|k| 1.0 + k as f32 * 0.001).collect();
     let depth = DepthMap {
         width: 16,
@@ -112,7 +112,7 @@ pub fn made_depth() -> Vec<u8> {
         depths,
     };
     let normals = vec![[0, 0, -127]; 16 * 12];
-    MadeDepth {
+    EstimatedDepth {
         camera: camera(),
         depth,
         normals,
@@ -322,13 +322,7 @@ fn cloud() -> LabelledCloud {
 
 pub fn clouds() -> Vec<Seed> {
     let mut binary = Vec::new();
-    write_ply(
-        &mut binary,
-        &cloud(),
-        Coloring::Picture,
-        &Progress::default(),
-    )
-    .unwrap();
+    write_ply(&mut binary, &cloud(), Coloring::Image, &Progress::default()).unwrap();
     let header = "ply\nformat ascii 1.0\ncomment label 1 0 leaf\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nproperty float red\nproperty int label\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
     let big = "ply\nformat binary_big_endian 1.0\nelement vertex 1\nproperty double x\nproperty double y\nproperty double z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
     let values = [1.0_f64, 2.0, 3.0]
@@ -352,7 +346,7 @@ pub fn meshes() -> Vec<Seed> {
     };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("m.ply");
-    save_mesh(&path, &mesh, Coloring::Picture, &Progress::default()).unwrap();
+    save_mesh(&path, &mesh, Coloring::Image, &Progress::default()).unwrap();
     let text = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n";
     vec![
         Seed::new("m.ply", std::fs::read(path).unwrap()),

@@ -107,7 +107,7 @@ fn oversized_buffer_error_names_the_buffer() {
     assert!(
         error
             .to_string()
-            .starts_with("pixels need 129 MiB in one piece, and a graphics card takes 128 MiB")
+            .starts_with("pixels need 129 MiB in one buffer, and a graphics card takes 128 MiB")
     );
     assert_eq!(
         device.zeros::<u32>("pixels", 32 << 20).unwrap().bytes(),

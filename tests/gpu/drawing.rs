@@ -8,7 +8,7 @@ use ostra_cloud::{LabelledCloud, LabelledMesh};
 use ostra_frames::Image;
 use ostra_masks::{Label, LabelId, LabelTree};
 use ostra_view::{
-    Appearance, Axes, Bounds, Clip, Coloring, Model, Orbit, PicturePlane, Scene3d, SceneStyle,
+    Appearance, Axes, Bounds, Clip, Coloring, ImagePlane, Model, Orbit, Scene3d, SceneStyle,
     SceneView, ViewCamera, draw_cloud, draw_mesh,
 };
 
@@ -251,7 +251,10 @@ fn surface_equals_its_cpu_twin_and_contains_its_wires() {
     let apart = (0..wires.len())
         .filter(|&at| is_drawn(&wires[at]) && !near_solid(at))
         .count();
-    assert_eq!(apart, 0, "a line lies a pixel beside the surface at most");
+    assert_eq!(
+        apart, 0,
+        "a line lies at most one pixel outside the surface"
+    );
 }
 
 fn progressive_image_ends_equal_to_its_cpu_twin() {
@@ -277,7 +280,7 @@ fn progressive_image_ends_equal_to_its_cpu_twin() {
         .count();
     assert!(
         background > 2000 && background < 40_000,
-        "the sphere fills a part of the picture: {background}"
+        "the sphere fills a part of the image: {background}"
     );
 }
 
@@ -379,7 +382,7 @@ fn image_planes_are_oriented_correctly_and_hidden_by_nearer_points() {
         ..SceneStyle::default()
     };
     let camera = orbit.camera(256, 256);
-    let planes = vec![PicturePlane { corners, image }];
+    let planes = vec![ImagePlane { corners, image }];
     let (pixels, _) = drawn(
         &mut view,
         &Scene3d {
@@ -397,7 +400,7 @@ fn image_planes_are_oriented_correctly_and_hidden_by_nearer_points() {
     assert_eq!(
         at(Vec3::new(-0.7, 0.0, 0.0))[..3],
         [192; 3],
-        "the point hides the picture"
+        "the point hides the image"
     );
     let (bare, _) = drawn(&mut view, &scene(camera, &style));
     let (px, _) = camera.project(Vec3::new(0.8, -0.8, 0.5)).unwrap();

@@ -162,15 +162,14 @@ fn dense_and_sparse_parts_have_no_holes_and_no_oversized_discs() {
             pixels: pixels.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),
         }
     };
-    for picture in [cpu, gpu] {
+    for image in [cpu, gpu] {
         // Returns how many of a thousand pixels around a position show something.
         let share = |x: f32, half: f32| {
             let [from, to] =
                 [-half, half].map(|off| camera.project(Vec3::new(x + off, off, 0.0)).unwrap().0);
             let rows = from.y as usize..to.y as usize;
-            let pixels = rows.flat_map(|y| {
-                &picture.pixels[y * 1024 + from.x as usize..y * 1024 + to.x as usize]
-            });
+            let pixels = rows
+                .flat_map(|y| &image.pixels[y * 1024 + from.x as usize..y * 1024 + to.x as usize]);
             let shown = pixels
                 .clone()
                 .filter(|pixel| **pixel != style.background)
@@ -215,7 +214,7 @@ fn old_image_stays_until_the_new_cloud_is_arranged() {
         let now = read_back(&view, 256, 192);
         assert!(
             covered(&now, &style) * 10 >= covered(&before, &style) * 9,
-            "no blank picture between"
+            "no blank image between"
         );
     }
     view.set_model(Model::Cloud(Arc::default()));

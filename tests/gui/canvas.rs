@@ -5,12 +5,12 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use ostra_app::Tool;
 use ostra_masks::{ElasticBorders, LabelId};
-use ostra_session::{Command, PaintRequest, PromptRequest, PullRequest, TraceRequest};
+use ostra_session::{Command, MoveBorderRequest, PaintRequest, PromptRequest, TraceRequest};
 
 use crate::desk::{Desk, click_at, drag, drag_fast, flick, hold, on_screen, press};
 
-fn prompts(asked: &[Command]) -> Vec<&PromptRequest> {
-    asked
+fn prompts(requested: &[Command]) -> Vec<&PromptRequest> {
+    requested
         .iter()
         .filter_map(|command| {
             if let Command::Prompt(request) = command {
@@ -22,8 +22,8 @@ fn prompts(asked: &[Command]) -> Vec<&PromptRequest> {
         .collect()
 }
 
-fn paints(asked: &[Command]) -> Vec<&PaintRequest> {
-    asked
+fn paints(requested: &[Command]) -> Vec<&PaintRequest> {
+    requested
         .iter()
         .filter_map(|command| {
             if let Command::Paint(request) = command {
@@ -53,13 +53,13 @@ fn left_click_includes_and_right_click_excludes_the_pixel_under_the_pointer() {
     );
     click_at(&mut harness, first, PointerButton::Primary);
     click_at(&mut harness, second, PointerButton::Secondary);
-    let asked = prompts(&harness.state().asked);
-    assert_eq!(asked.len(), 2, "{:?}", harness.state().asked);
-    let clicks = &asked[1].prompt.clicks;
+    let requested = prompts(&harness.state().requested);
+    assert_eq!(requested.len(), 2, "{:?}", harness.state().requested);
+    let clicks = &requested[1].prompt.clicks;
     assert_eq!(clicks.len(), 2, "the second prompt keeps the first click");
     assert!((clicks[0].at_px - glam::DVec2::new(12.5, 30.5)).length() < 0.1 && clicks[0].include);
     assert!((clicks[1].at_px - glam::DVec2::new(50.5, 8.5)).length() < 0.1 && !clicks[1].include);
-    assert_eq!((asked[1].frame, asked[1].label), (0, LabelId(1)));
+    assert_eq!((requested[1].frame, requested[1].label), (0, LabelId(1)));
 }
 
 #[test]
@@ -70,7 +70,7 @@ fn dragging_makes_a_box_and_escape_drops_it() {
         on_screen(&harness, 10.0, 12.0),
     );
     drag(&mut harness, from, to, PointerButton::Primary);
-    let px_box = prompts(&harness.state().asked)[0].prompt.boxes[0];
+    let px_box = prompts(&harness.state().requested)[0].prompt.boxes[0];
     assert!(
         (px_box.min_px - glam::DVec2::new(10.0, 12.0)).length() < 0.3,
         "{px_box:?}"
@@ -80,10 +80,10 @@ fn dragging_makes_a_box_and_escape_drops_it() {
         "{px_box:?}"
     );
 
-    harness.state_mut().asked.clear();
+    harness.state_mut().requested.clear();
     hold(&mut harness, from, to);
     escape_and_let_go(&mut harness, from);
-    assert!(prompts(&harness.state().asked).is_empty());
+    assert!(prompts(&harness.state().requested).is_empty());
 }
 
 #[test]
@@ -92,9 +92,9 @@ fn clicks_outside_the_image_request_nothing() {
     let outside = on_screen(&harness, -0.5, 20.0);
     click_at(&mut harness, outside, PointerButton::Primary);
     assert!(
-        harness.state().asked.is_empty(),
+        harness.state().requested.is_empty(),
         "{:?}",
-        harness.state().asked
+        harness.state().requested
     );
 }
 
@@ -106,12 +106,12 @@ fn first_click_creates_a_label() {
     let mut harness = desk.shown();
     let at = on_screen(&harness, 5.5, 5.5);
     click_at(&mut harness, at, PointerButton::Primary);
-    let asked = &harness.state().asked;
+    let requested = &harness.state().requested;
     assert!(
-        matches!(&asked[0], Command::AddLabel { name, .. } if name == "object 1"),
-        "{asked:?}"
+        matches!(&requested[0], Command::AddLabel { name, .. } if name == "object 1"),
+        "{requested:?}"
     );
-    assert_eq!(prompts(asked)[0].label, LabelId(1));
+    assert_eq!(prompts(requested)[0].label, LabelId(1));
 }
 
 #[test]
@@ -124,18 +124,21 @@ fn brush_paints_along_the_pointer_path_and_right_button_erases() {
     );
     drag(&mut harness, from, to, PointerButton::Primary);
     drag(&mut harness, from, to, PointerButton::Secondary);
-    let asked = paints(&harness.state().asked);
+    let requested = paints(&harness.state().requested);
     assert_eq!(
-        asked.iter().map(|paint| paint.erase).collect::<Vec<_>>(),
+        requested
+            .iter()
+            .map(|paint| paint.erase)
+            .collect::<Vec<_>>(),
         [false, true]
     );
-    let points = &asked[0].points_px;
+    let points = &requested[0].points_px;
     assert!(
         points.len() >= 4 && points.iter().all(|p| (p.y - 10.0).abs() < 0.3),
         "{points:?}"
     );
     assert!((points[0].x - 10.0).abs() < 0.3 && (points[points.len() - 1].x - 30.0).abs() < 0.3);
-    assert!(asked[0].radius_px > 0.0);
+    assert!(requested[0].radius_px > 0.0);
 }
 
 #[test]
@@ -152,9 +155,9 @@ fn brush_follows_the_whole_pointer_path_while_frames_are_slow() {
     ];
     let places = corners.map(|[x, y]| on_screen(&harness, x, y));
     drag_fast(&mut harness, &places, PointerButton::Primary);
-    let asked = paints(&harness.state().asked);
-    let [paint] = &asked[..] else {
-        panic!("one stroke: {}", asked.len())
+    let requested = paints(&harness.state().requested);
+    let [paint] = &requested[..] else {
+        panic!("one stroke: {}", requested.len())
     };
     assert_eq!(
         paint.points_px.len(),
@@ -179,12 +182,15 @@ fn brush_tap_within_one_frame_paints_a_dot() {
     for button in [PointerButton::Primary, PointerButton::Secondary] {
         flick(&mut harness, &[at], button);
     }
-    let asked = paints(&harness.state().asked);
+    let requested = paints(&harness.state().requested);
     assert_eq!(
-        asked.iter().map(|paint| paint.erase).collect::<Vec<_>>(),
+        requested
+            .iter()
+            .map(|paint| paint.erase)
+            .collect::<Vec<_>>(),
         [false, true]
     );
-    for paint in asked {
+    for paint in requested {
         let [point] = paint.points_px[..] else {
             panic!("one place: {:?}", paint.points_px)
         };
@@ -207,17 +213,20 @@ fn stroke_ends_when_the_pointer_leaves_and_next_press_begins_another() {
     harness.remove_cursor();
     harness.run_steps(2);
     assert_eq!(
-        paints(&harness.state().asked).len(),
+        paints(&harness.state().requested).len(),
         1,
-        "nobody may tell that the button was let go"
+        "the release of the button may never be reported"
     );
     harness.hover_at(from);
     harness.run_steps(2);
     assert!(harness.state().shell.view.draft.stroke.is_none());
     drag(&mut harness, from, to, PointerButton::Secondary);
-    let asked = paints(&harness.state().asked);
+    let requested = paints(&harness.state().requested);
     assert_eq!(
-        asked.iter().map(|paint| paint.erase).collect::<Vec<_>>(),
+        requested
+            .iter()
+            .map(|paint| paint.erase)
+            .collect::<Vec<_>>(),
         [false, true]
     );
 }
@@ -228,9 +237,9 @@ fn brush_stroke_within_one_frame_is_painted_whole() {
     harness.state_mut().shell.view.tool = Tool::Brush;
     let places = [[10.0, 10.0], [20.0, 10.0], [30.0, 10.0]].map(|[x, y]| on_screen(&harness, x, y));
     flick(&mut harness, &places, PointerButton::Primary);
-    let asked = paints(&harness.state().asked);
-    let [paint] = &asked[..] else {
-        panic!("one stroke: {}", asked.len())
+    let requested = paints(&harness.state().requested);
+    let [paint] = &requested[..] else {
+        panic!("one stroke: {}", requested.len())
     };
     assert_eq!(paint.points_px.len(), places.len(), "{:?}", paint.points_px);
 }
@@ -247,12 +256,12 @@ fn escape_drops_the_current_stroke_until_the_next_press() {
     assert!(harness.state().shell.view.draft.stroke.is_some());
     escape_and_let_go(&mut harness, from);
     assert!(
-        harness.state().asked.is_empty(),
+        harness.state().requested.is_empty(),
         "{:?}",
-        harness.state().asked
+        harness.state().requested
     );
     drag(&mut harness, from, to, PointerButton::Primary);
-    assert_eq!(paints(&harness.state().asked).len(), 1);
+    assert_eq!(paints(&harness.state().requested).len(), 1);
 }
 
 #[test]
@@ -271,7 +280,7 @@ fn brush_snaps_while_the_option_is_checked() {
     drag(&mut harness, from, to, PointerButton::Primary);
     press(&mut harness, Modifiers::NONE, Key::S);
     drag(&mut harness, from, to, PointerButton::Primary);
-    let snaps: Vec<bool> = paints(&harness.state().asked)
+    let snaps: Vec<bool> = paints(&harness.state().requested)
         .iter()
         .map(|paint| paint.snap)
         .collect();
@@ -287,9 +296,12 @@ fn polygon_is_filled_when_the_first_corner_is_clicked_again() {
         click_at(&mut harness, at, PointerButton::Primary);
         harness.run_steps(30);
     }
-    let asked = paints(&harness.state().asked);
-    assert_eq!(asked.len(), 1);
-    assert_eq!((asked[0].points_px.len(), asked[0].radius_px), (3, 0.0));
+    let requested = paints(&harness.state().requested);
+    assert_eq!(requested.len(), 1);
+    assert_eq!(
+        (requested[0].points_px.len(), requested[0].radius_px),
+        (3, 0.0)
+    );
 }
 
 #[test]
@@ -299,9 +311,9 @@ fn lasso_fills_on_release_and_erases_with_ctrl() {
     let places = [[10.0, 10.0], [30.0, 10.0], [30.0, 30.0], [10.0, 30.0]]
         .map(|[x, y]| on_screen(&harness, x, y));
     drag_fast(&mut harness, &places, PointerButton::Primary);
-    let asked = paints(&harness.state().asked);
-    let [lasso] = &asked[..] else {
-        panic!("one lasso: {:?}", harness.state().asked)
+    let requested = paints(&harness.state().requested);
+    let [lasso] = &requested[..] else {
+        panic!("one lasso: {:?}", harness.state().requested)
     };
     assert_eq!(
         (lasso.radius_px, lasso.erase, lasso.label),
@@ -316,10 +328,10 @@ fn lasso_fills_on_release_and_erases_with_ctrl() {
     );
     assert!(
         !harness.state().shell.view.draft.is_half_made(),
-        "the next one begins anew"
+        "the next one begins again"
     );
 
-    harness.state_mut().asked.clear();
+    harness.state_mut().requested.clear();
     for (x, y) in [(10.0, 10.0), (40.0, 12.0), (30.0, 35.0)] {
         let at = on_screen(&harness, x, y);
         click_at(&mut harness, at, PointerButton::Primary);
@@ -327,13 +339,13 @@ fn lasso_fills_on_release_and_erases_with_ctrl() {
     }
     drag(&mut harness, places[0], places[2], PointerButton::Primary);
     assert!(
-        harness.state().asked.is_empty(),
+        harness.state().requested.is_empty(),
         "corners are not ended by a drag"
     );
     press(&mut harness, Modifiers::COMMAND, Key::Enter);
-    let asked = paints(&harness.state().asked);
+    let requested = paints(&harness.state().requested);
     assert_eq!(
-        asked
+        requested
             .iter()
             .map(|paint| (paint.points_px.len(), paint.erase))
             .collect::<Vec<_>>(),
@@ -353,17 +365,17 @@ fn escape_drops_the_current_lasso() {
     assert!(harness.state().shell.view.draft.lasso.is_some());
     escape_and_let_go(&mut harness, from);
     assert!(
-        paints(&harness.state().asked).is_empty()
+        paints(&harness.state().requested).is_empty()
             && harness.state().shell.view.draft.corners.is_empty()
     );
 }
 
 /// Returns the requested border moves.
-fn pulls(asked: &[Command]) -> Vec<&PullRequest> {
-    asked
+fn pulls(requested: &[Command]) -> Vec<&MoveBorderRequest> {
+    requested
         .iter()
         .filter_map(|command| {
-            if let Command::Pull(request) = command {
+            if let Command::MoveBorder(request) = command {
                 Some(request)
             } else {
                 None
@@ -384,13 +396,13 @@ fn drag_moves_the_pressed_border_and_does_nothing_away_from_it() {
         .nearest(glam::DVec2::new(17.0, 21.0))
         .unwrap();
     press(&mut harness, Modifiers::SHIFT, Key::G);
-    assert_eq!(harness.state().shell.view.tool, Tool::Pull);
+    assert_eq!(harness.state().shell.view.tool, Tool::Border);
     let from = on_screen(&harness, border.x as f32, border.y as f32);
     let to = on_screen(&harness, border.x as f32 + 6.0, border.y as f32 + 2.0);
     drag(&mut harness, from, to, PointerButton::Primary);
-    let asked = pulls(&harness.state().asked);
-    let [pull] = &asked[..] else {
-        panic!("one pull: {:?}", harness.state().asked)
+    let requested = pulls(&harness.state().requested);
+    let [pull] = &requested[..] else {
+        panic!("one pull: {:?}", harness.state().requested)
     };
     assert_eq!((pull.frame, pull.label), (0, LabelId(2)));
     assert!(
@@ -398,29 +410,31 @@ fn drag_moves_the_pressed_border_and_does_nothing_away_from_it() {
             && pull.to_px.distance(border + glam::DVec2::new(6.0, 2.0)) < 0.3
     );
 
-    harness.state_mut().asked.clear();
+    harness.state_mut().requested.clear();
     let (near, outside) = (
         on_screen(&harness, 20.5, 20.0),
         on_screen(&harness, 20.5, -3.0),
     );
     drag(&mut harness, near, outside, PointerButton::Primary);
-    let to_px = pulls(&harness.state().asked)[0].to_px;
+    let to_px = pulls(&harness.state().requested)[0].to_px;
     assert!(
         to_px.distance(glam::DVec2::new(20.0, -3.0)) < 0.3,
         "as far as was shown, from the border: {to_px}"
     );
 
-    harness.state_mut().asked.clear();
+    harness.state_mut().requested.clear();
     harness.state_mut().shell.view.hidden.insert(LabelId(2));
     drag(&mut harness, from, to, PointerButton::Primary);
-    assert!(harness.state().asked.is_empty() && harness.state().shell.view.note.contains("hidden"));
-    harness.state_mut().shell.view.hidden.clear();
-    let beside = on_screen(&harness, 55.0, 4.0);
-    drag(&mut harness, beside, to, PointerButton::Primary);
     assert!(
-        harness.state().asked.is_empty(),
+        harness.state().requested.is_empty() && harness.state().shell.view.note.contains("hidden")
+    );
+    harness.state_mut().shell.view.hidden.clear();
+    let adjacent = on_screen(&harness, 55.0, 4.0);
+    drag(&mut harness, adjacent, to, PointerButton::Primary);
+    assert!(
+        harness.state().requested.is_empty(),
         "{:?}",
-        harness.state().asked
+        harness.state().requested
     );
     assert!(
         harness.state().shell.view.note.contains("border"),
@@ -430,8 +444,8 @@ fn drag_moves_the_pressed_border_and_does_nothing_away_from_it() {
 }
 
 /// Returns the requested traces.
-fn traces(asked: &[Command]) -> Vec<&TraceRequest> {
-    asked
+fn traces(requested: &[Command]) -> Vec<&TraceRequest> {
+    requested
         .iter()
         .filter_map(|command| {
             if let Command::Trace(request) = command {
@@ -447,34 +461,34 @@ fn traces(asked: &[Command]) -> Vec<&TraceRequest> {
 fn thin_structure_is_traced_through_the_clicked_points_when_enter_is_pressed() {
     let mut harness = Desk::sample().shown();
     press(&mut harness, Modifiers::NONE, Key::W);
-    assert_eq!(harness.state().shell.view.tool, Tool::Thin);
+    assert_eq!(harness.state().shell.view.tool, Tool::Stem);
     for (x, y) in [(10.0, 10.0), (25.0, 40.0), (40.0, 12.0), (50.0, 20.0)] {
         let at = on_screen(&harness, x, y);
         click_at(&mut harness, at, PointerButton::Primary);
         harness.run_steps(30);
     }
     press(&mut harness, Modifiers::NONE, Key::Backspace);
-    let beside = on_screen(&harness, 30.0, 30.0);
-    click_at(&mut harness, beside, PointerButton::Secondary);
+    let adjacent = on_screen(&harness, 30.0, 30.0);
+    click_at(&mut harness, adjacent, PointerButton::Secondary);
     press(&mut harness, Modifiers::NONE, Key::Enter);
-    let asked = traces(&harness.state().asked);
-    assert_eq!(asked.len(), 1, "{:?}", harness.state().asked);
+    let requested = traces(&harness.state().requested);
+    assert_eq!(requested.len(), 1, "{:?}", harness.state().requested);
     let expected = [glam::DVec2::new(10.0, 10.0), glam::DVec2::new(25.0, 40.0)];
     assert_eq!(
-        asked[0].points_px.len(),
+        requested[0].points_px.len(),
         2,
         "two were taken back: {:?}",
-        asked[0].points_px
+        requested[0].points_px
     );
     assert!(
-        asked[0]
+        requested[0]
             .points_px
             .iter()
             .zip(expected)
             .all(|(a, b)| a.distance(b) < 0.3)
     );
     assert_eq!(
-        (asked[0].frame, asked[0].label, asked[0].replace),
+        (requested[0].frame, requested[0].label, requested[0].replace),
         (0, LabelId(1), true)
     );
 }
@@ -488,7 +502,7 @@ fn trace_with_one_point_waits_for_a_second() {
     let at = on_screen(&harness, 10.0, 10.0);
     click_at(&mut harness, at, PointerButton::Primary);
     press(&mut harness, Modifiers::NONE, Key::Enter);
-    assert!(harness.state().asked.is_empty());
+    assert!(harness.state().requested.is_empty());
     assert!(
         harness.state().shell.view.note.contains("two points"),
         "{}",
@@ -500,10 +514,10 @@ fn trace_with_one_point_waits_for_a_second() {
         click_at(&mut harness, at, PointerButton::Primary);
     }
     assert_eq!(
-        traces(&harness.state().asked).len(),
+        traces(&harness.state().requested).len(),
         1,
         "a double click finishes: {:?}",
-        harness.state().asked
+        harness.state().requested
     );
 }
 
@@ -528,7 +542,7 @@ fn resting_pointer_previews_a_click_unless_busy_or_disabled() {
     harness.state_mut().hovered = Some(harness.state().project.masks[&0].runs.clone());
     harness.run_steps(2);
     assert!(
-        harness.state().asked.is_empty(),
+        harness.state().requested.is_empty(),
         "a preview asks for no change"
     );
 
@@ -573,7 +587,7 @@ fn wheel_zooms_at_the_pointer_and_zero_fits_again() {
     harness.run_steps(20);
     assert!(harness.state().shell.view.zoom.scale.is_some());
     click_at(&mut harness, at, PointerButton::Primary);
-    let clicked = prompts(&harness.state().asked)[0].prompt.clicks[0].at_px;
+    let clicked = prompts(&harness.state().requested)[0].prompt.clicks[0].at_px;
     assert!(
         (clicked - glam::DVec2::new(20.5, 20.5)).length() < 0.2,
         "stayed under the pointer: {clicked}"
@@ -590,7 +604,7 @@ fn middle_drag_pans_the_image_and_requests_nothing() {
         on_screen(&harness, 40.0, 25.0),
     );
     drag(&mut harness, from, to, PointerButton::Middle);
-    assert!(harness.state().asked.is_empty());
+    assert!(harness.state().requested.is_empty());
     assert!(harness.state().shell.view.zoom.scale.is_some());
 }
 
@@ -607,15 +621,15 @@ fn tool_bar_rows_stay_close_together_at_any_width() {
             .accesskit_node()
             .bounding_box()
             .unwrap();
-        let picture = harness
+        let image = harness
             .get_by_label("Image 000.png")
             .accesskit_node()
             .bounding_box()
             .unwrap();
         let middle = |at: &egui::accesskit::Rect| (at.y0 + at.y1) / 2.0;
         let is_control = |at: &egui::accesskit::Rect| {
-            let is_beside = at.x0 >= picture.x0 && at.x1 <= picture.x1;
-            is_beside && (first.y0..picture.y0).contains(&middle(at)) && at.height() < MOST_BETWEEN
+            let is_adjacent = at.x0 >= image.x0 && at.x1 <= image.x1;
+            is_adjacent && (first.y0..image.y0).contains(&middle(at)) && at.height() < MOST_BETWEEN
         };
         let all = harness
             .root()
@@ -624,7 +638,7 @@ fn tool_bar_rows_stay_close_together_at_any_width() {
         let mut middles: Vec<f64> = all
             .filter(is_control)
             .map(|at| middle(&at))
-            .chain([picture.y0])
+            .chain([image.y0])
             .collect();
         middles.sort_by(f64::total_cmp);
         let widest = middles

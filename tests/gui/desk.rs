@@ -9,19 +9,19 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use egui_kittest::{Harness, HarnessBuilder};
 use glam::{DQuat, DVec3, Vec3};
 use ostra_app::{Layers, Prefs, SessionView, Shell};
-use ostra_cloud::doubt::FrameDoubt;
+use ostra_cloud::conflicts::FrameConflict;
 use ostra_cloud::fuse::Votes;
 use ostra_cloud::measure::{LengthUnit, TraitRow};
 use ostra_cloud::select::Selection;
 use ostra_cloud::{LabelledCloud, LabelledMesh};
 use ostra_compute::nn::Row;
-use ostra_frames::{Frame, FrameCamera, Image, Orientation, PictureSource};
+use ostra_frames::{Frame, FrameCamera, Image, ImageSource, Orientation};
 use ostra_geometry::{Camera, Pose};
 use ostra_masks::{Label, LabelId, LabelMask, LabelTree, RunMask};
 use ostra_project::{FrameMask, MaskOrigin, Project};
 use ostra_session::JobView;
 use ostra_session::{
-    Angles, Command, Engine, Grounding, Pictures, ProposedInstances, SparseModel, Suggestion,
+    Angles, Command, Engine, Grounding, Images, ProposedInstances, SparseModel, Suggestion,
     list_engines, list_models,
 };
 
@@ -39,7 +39,7 @@ pub struct Desk {
     pub sparse: Option<Arc<SparseModel>>,
     pub chosen: Option<Arc<Selection>>,
     pub inspected: Option<PathBuf>,
-    pub pictures: Pictures,
+    pub images: Images,
     pub layers: Option<Layers>,
     pub hovered: Option<Arc<RunMask>>,
     pub jobs: Vec<JobView>,
@@ -51,10 +51,10 @@ pub struct Desk {
     pub suggestions: Vec<Suggestion>,
     pub proposed: Option<Arc<ProposedInstances>>,
     pub grounding: Option<Grounding>,
-    pub doubts: BTreeMap<usize, FrameDoubt>,
+    pub conflicts: BTreeMap<usize, FrameConflict>,
     pub traits: Option<Arc<Vec<TraitRow>>>,
     pub angles: Angles,
-    pub asked: Vec<Command>,
+    pub requested: Vec<Command>,
 }
 
 impl Desk {
@@ -70,7 +70,7 @@ impl Desk {
             sparse: None,
             chosen: None,
             inspected: None,
-            pictures: Pictures::new(|frame| Ok(Arc::new(picture(frame))), || {}),
+            images: Images::new(|frame| Ok(Arc::new(image(frame))), || {}),
             layers: None,
             hovered: None,
             jobs: Vec::new(),
@@ -82,10 +82,10 @@ impl Desk {
             suggestions: Vec::new(),
             proposed: None,
             grounding: None,
-            doubts: BTreeMap::new(),
+            conflicts: BTreeMap::new(),
             traits: None,
             angles: Angles::new(),
-            asked: Vec::new(),
+            requested: Vec::new(),
         }
     }
 
@@ -102,7 +102,7 @@ impl Desk {
 
     pub fn ui(&mut self, ui: &mut Ui) {
         let session = SessionView {
-            growing: None,
+            preview_cloud: None,
             votes: self.votes.as_ref(),
             proposed: self.proposed.as_ref(),
             has_surface: self.surface.is_some(),
@@ -113,7 +113,7 @@ impl Desk {
             sparse: self.sparse.as_ref(),
             chosen: self.chosen.as_ref().map(Ok),
             inspected: self.inspected.as_deref(),
-            pictures: Some(&self.pictures),
+            images: Some(&self.images),
             layers: self.layers.as_ref(),
             hovered: self.hovered.as_ref(),
             jobs: &self.jobs,
@@ -129,11 +129,11 @@ impl Desk {
             traits: self.traits.as_ref(),
             angles: Some(&self.angles),
             unit: LengthUnit::Metre,
-            doubts: &self.doubts,
-            contradicted: None,
+            conflicts: &self.conflicts,
+            vote_mismatch: None,
             estimate: self.project.estimate(|_| 1),
         };
-        self.asked.extend(self.shell.ui(ui, &session));
+        self.requested.extend(self.shell.ui(ui, &session));
     }
 
     /// Returns a harness that shows this desk.
@@ -264,7 +264,7 @@ pub fn labels(harness: &Harness<'_, Desk>) -> Vec<String> {
         .collect()
 }
 
-pub fn picture(frame: usize) -> Image {
+pub fn image(frame: usize) -> Image {
     let pixel = |i: u32| {
         let (x, y) = (i % WIDTH, i / WIDTH);
         [(x * 4) as u8, (y * 5) as u8, (frame * 20 % 256) as u8]
@@ -304,7 +304,7 @@ fn project() -> Project {
             name: format!("{number:03}.png"),
             width: WIDTH,
             height: HEIGHT,
-            picture: PictureSource::File {
+            image: ImageSource::File {
                 path: format!("/{number:03}.png").into(),
                 orientation: Orientation(1),
             },
@@ -313,7 +313,7 @@ fn project() -> Project {
         }
     };
     let masks = BTreeMap::from([
-        (0, mask(MaskOrigin::Anchor, false, 1.0)),
+        (0, mask(MaskOrigin::Keyframe, false, 1.0)),
         (1, mask(MaskOrigin::Tracked, false, 0.9)),
         (2, mask(MaskOrigin::Tracked, true, 0.8)),
         (5, mask(MaskOrigin::Tracked, false, 0.2)),
@@ -326,7 +326,7 @@ fn project() -> Project {
     }
 }
 
-fn mask(origin: MaskOrigin, stale: bool, sure: f32) -> FrameMask {
+fn mask(origin: MaskOrigin, stale: bool, confidence: f32) -> FrameMask {
     let mut mask = LabelMask::empty(WIDTH, HEIGHT);
     for y in 10..30_u32 {
         for x in 20..40_u32 {
@@ -334,8 +334,8 @@ fn mask(origin: MaskOrigin, stale: bool, sure: f32) -> FrameMask {
         }
     }
     let confidence = match origin {
-        MaskOrigin::Anchor => BTreeMap::new(),
-        MaskOrigin::Tracked => BTreeMap::from([(LabelId(2), sure)]),
+        MaskOrigin::Keyframe => BTreeMap::new(),
+        MaskOrigin::Tracked => BTreeMap::from([(LabelId(2), confidence)]),
     };
     FrameMask {
         runs: Arc::new(RunMask::encode(&mask)),

@@ -33,8 +33,8 @@ fn new_project_uses_the_typed_paths() {
     type_into(&mut harness, "Cameras file or folder", "/photos/sparse");
     harness.get_by_label("Create").click();
     harness.run_steps(2);
-    let Command::New(new) = &harness.state().asked[0] else {
-        panic!("{:?}", harness.state().asked)
+    let Command::New(new) = &harness.state().requested[0] else {
+        panic!("{:?}", harness.state().requested)
     };
     assert_eq!(new.root, std::path::Path::new("/photos/rice-ostra"));
     assert_eq!(
@@ -74,8 +74,8 @@ fn export_writes_the_checked_outputs() {
     type_into(&mut harness, "Export folder", "/out");
     harness.get_by_label("Write files").click();
     harness.run_steps(2);
-    let Command::Export(request) = &harness.state().asked[0] else {
-        panic!("{:?}", harness.state().asked)
+    let Command::Export(request) = &harness.state().requested[0] else {
+        panic!("{:?}", harness.state().requested)
     };
     assert_eq!(
         request.cloud.as_deref(),
@@ -123,7 +123,7 @@ fn escape_closes_a_dialog_and_requests_nothing() {
         press(&mut harness, Modifiers::NONE, Key::Escape);
         assert_eq!(harness.state().shell.view.dialog, None, "{dialog:?}");
     }
-    assert!(harness.state().asked.is_empty());
+    assert!(harness.state().requested.is_empty());
 }
 
 #[test]
@@ -167,16 +167,16 @@ fn networks_are_installed_added_and_checked() {
     );
     harness.get_by_label("Check xfeat").click();
     harness.run_steps(3);
-    let asked = |name: &str, task| {
+    let requested = |name: &str, task| {
         Command::Model(ModelRequest {
             name: name.into(),
             task,
         })
     };
     let expected = [
-        asked("onnxruntime", ModelTask::Install),
-        asked("sam-vit-b", ModelTask::Add(vec!["/downloads/sam".into()])),
-        asked("xfeat", ModelTask::Check),
+        requested("onnxruntime", ModelTask::Install),
+        requested("sam-vit-b", ModelTask::Add(vec!["/downloads/sam".into()])),
+        requested("xfeat", ModelTask::Check),
     ];
-    assert_eq!(harness.state().asked, expected);
+    assert_eq!(harness.state().requested, expected);
 }

@@ -15,7 +15,7 @@ use ostra_frames::cameras::GivenCameras;
 use ostra_frames::{FrameFolder, FrameStore, OpenRequest};
 use ostra_masks::{Label, LabelId, LabelMask, LabelTree, RunMask};
 use ostra_project::{FrameMask, MaskOrigin, Project};
-use ostra_session::Pictures;
+use ostra_session::Images;
 use ostra_view::Coloring;
 
 use crate::data::find_data;
@@ -39,7 +39,7 @@ const SCENES: [Scene; 14] = [
     }),
     ("both", Desk::sample, |_| ()),
     ("picture", Desk::sample, |desk| {
-        desk.shell.view.prefs.panes = Panes::Picture;
+        desk.shell.view.prefs.panes = Panes::Image;
     }),
     ("scene", Desk::sample, |desk| {
         desk.shell.view.prefs.panes = Panes::Scene;
@@ -165,7 +165,7 @@ fn shelf() -> Desk {
             ids,
         };
         let origin = if number % 7 == 0 {
-            MaskOrigin::Anchor
+            MaskOrigin::Keyframe
         } else {
             MaskOrigin::Tracked
         };
@@ -183,7 +183,7 @@ fn shelf() -> Desk {
         ..cloud
     }));
     let store = Arc::new(FrameStore::new(100 << 20));
-    desk.pictures = Pictures::of(Arc::clone(&desk.project.frames), store, || {});
+    desk.images = Images::of(Arc::clone(&desk.project.frames), store, || {});
     desk
 }
 

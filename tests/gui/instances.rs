@@ -40,15 +40,19 @@ fn label_is_dragged_under_another_but_never_below_itself() {
     let plant = harness.state().project.labels.by_name("plant").unwrap().id;
     drag(&mut harness, "pot", "plant");
     assert_eq!(
-        harness.state().asked,
+        harness.state().requested,
         [Command::EditLabel(Label {
             parent: Some(plant),
             ..pot
         })]
     );
-    harness.state_mut().asked.clear();
+    harness.state_mut().requested.clear();
     drag(&mut harness, "plant", "leaf");
-    assert_eq!(harness.state().asked, [], "a leaf is a part of the plant");
+    assert_eq!(
+        harness.state().requested,
+        [],
+        "a leaf is a part of the plant"
+    );
 }
 
 #[test]
@@ -92,7 +96,7 @@ fn instances_are_previewed_before_they_are_created() {
     assert!(harness.query_by_label("leaf 2").is_some());
     harness.get_by_label("Create instances").click();
     harness.run_steps(2);
-    assert_eq!(harness.state().asked, [Command::Instances(request)]);
+    assert_eq!(harness.state().requested, [Command::Instances(request)]);
     assert_eq!(harness.state().shell.view.instances, None);
 }
 
@@ -110,7 +114,7 @@ fn instance_preview_can_be_cancelled() {
     assert_eq!(
         (
             harness.state().shell.view.instances,
-            harness.state().asked.len()
+            harness.state().requested.len()
         ),
         (None, 0)
     );
@@ -131,13 +135,13 @@ fn label_menu_merges_and_moves_labels() {
     let labels = &harness.state().project.labels;
     let [plant, leaf, pot] =
         ["plant", "leaf", "pot"].map(|name| labels.by_name(name).unwrap().clone());
-    let asked = &harness.state().asked;
+    let requested = &harness.state().requested;
     let moved = Command::EditLabel(Label {
         parent: Some(leaf.id),
         ..pot.clone()
     });
     assert_eq!(
-        asked[..],
+        requested[..],
         [
             Command::MergeLabels {
                 label: pot.id,

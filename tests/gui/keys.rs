@@ -47,10 +47,10 @@ fn shift_h_fills_holes_and_shift_k_removes_islands_of_the_size_in_the_tool_bar()
     harness.run_steps(2);
     let tidied: Vec<_> = harness
         .state()
-        .asked
+        .requested
         .iter()
         .map(|command| match command {
-            Command::Tidy(request) => (
+            Command::Clean(request) => (
                 request.frame,
                 request.label,
                 request.holes_below_px,
@@ -68,11 +68,11 @@ fn shift_h_fills_holes_and_shift_k_removes_islands_of_the_size_in_the_tool_bar()
         ]
     );
     harness.get_by_label("Size of holes and specks");
-    harness.state_mut().asked.clear();
+    harness.state_mut().requested.clear();
     press(&mut harness, Modifiers::NONE, Key::End);
     press(&mut harness, Modifiers::SHIFT, Key::H);
     assert!(
-        harness.state().asked.is_empty(),
+        harness.state().requested.is_empty(),
         "a frame without a mask has nothing to tidy"
     );
 }
@@ -108,18 +108,22 @@ fn undo_track_and_make_keyframe_by_key() {
     press(&mut harness, Modifiers::NONE, Key::ArrowRight);
     press(&mut harness, Modifiers::NONE, Key::C);
     press(&mut harness, Modifiers::NONE, Key::F);
-    let asked = &harness.state().asked;
-    assert_eq!(asked[0], Command::Undo);
-    assert_eq!(asked[1], Command::MakeAnchor { frame: 1 });
-    let Command::Track(settings) = &asked[2] else {
-        panic!("{asked:?}")
+    let requested = &harness.state().requested;
+    assert_eq!(requested[0], Command::Undo);
+    assert_eq!(requested[1], Command::MakeKeyframe { frame: 1 });
+    let Command::Track(settings) = &requested[2] else {
+        panic!("{requested:?}")
     };
     assert_eq!(
         (settings.from, settings.direction),
         (Some(1), Direction::Forward)
     );
     press(&mut harness, CTRL | Modifiers::SHIFT, Key::Z);
-    assert_eq!(harness.state().asked.len(), 3, "there is nothing to redo");
+    assert_eq!(
+        harness.state().requested.len(),
+        3,
+        "there is nothing to redo"
+    );
 }
 
 #[test]
@@ -129,7 +133,7 @@ fn q_and_e_click_at_the_pointer() {
     harness.hover_at(at);
     harness.run_steps(2);
     press(&mut harness, Modifiers::NONE, Key::E);
-    let Command::Prompt(request) = &harness.state().asked[0] else {
+    let Command::Prompt(request) = &harness.state().requested[0] else {
         panic!()
     };
     assert!(!request.prompt.clicks[0].include);
@@ -143,7 +147,7 @@ fn keys_type_text_while_a_field_has_focus() {
     press(&mut harness, Modifiers::NONE, Key::ArrowRight);
     press(&mut harness, Modifiers::NONE, Key::F);
     assert_eq!(harness.state().shell.view.frame, 0);
-    assert!(harness.state().asked.is_empty());
+    assert!(harness.state().requested.is_empty());
 }
 
 #[test]
@@ -161,7 +165,7 @@ fn shortcut_sheet_shows_no_conflicts_and_changes_keys() {
     press(&mut harness, Modifiers::NONE, Key::Escape);
     assert_eq!(harness.state().shell.view.dialog, None);
     press(&mut harness, Modifiers::NONE, Key::F6);
-    assert!(matches!(harness.state().asked[..], [Command::Fuse(_)]));
+    assert!(matches!(harness.state().requested[..], [Command::Fuse(_)]));
 }
 
 #[test]
@@ -193,9 +197,9 @@ fn palette_finds_and_runs_actions() {
     harness.run_steps(2);
     press(&mut harness, Modifiers::NONE, Key::Enter);
     assert!(
-        matches!(harness.state().asked[..], [Command::Reconstruct(_)]),
+        matches!(harness.state().requested[..], [Command::Reconstruct(_)]),
         "{:?}",
-        harness.state().asked
+        harness.state().requested
     );
     assert_eq!(harness.state().shell.view.dialog, None);
 }
@@ -217,7 +221,7 @@ fn click_after_undo_builds_on_the_current_prompt() {
     click_at(&mut harness, at, PointerButton::Primary);
     press(&mut harness, CTRL, Key::Z);
     click_at(&mut harness, at, PointerButton::Secondary);
-    let Some(Command::Prompt(request)) = harness.state().asked.last() else {
+    let Some(Command::Prompt(request)) = harness.state().requested.last() else {
         panic!()
     };
     assert_eq!(
@@ -230,10 +234,10 @@ fn click_after_undo_builds_on_the_current_prompt() {
 #[test]
 fn key_shows_depth_normals_and_confidence_instead_of_the_image() {
     let mut desk = Desk::sample();
-    let (told, asked) = std::sync::mpsc::channel();
+    let (reported, requested) = std::sync::mpsc::channel();
     desk.layers = Some(Layers::new(
         move |key: &(usize, Layer)| {
-            told.send(*key).unwrap();
+            reported.send(*key).unwrap();
             Ok(None)
         },
         || {},
@@ -245,7 +249,7 @@ fn key_shows_depth_normals_and_confidence_instead_of_the_image() {
         assert_eq!(shown(&harness), layer);
         harness.get_by_role_and_label(egui::Role::ComboBox, "Shown layer");
         assert_eq!(
-            asked
+            requested
                 .recv_timeout(std::time::Duration::from_secs(60))
                 .unwrap(),
             (0, layer),
@@ -286,9 +290,9 @@ fn escape_never_stops_a_job() {
         press(harness, Modifiers::NONE, Key::Escape);
         harness.run_steps(4);
         assert!(
-            harness.state().asked.is_empty(),
+            harness.state().requested.is_empty(),
             "{what}: {:?}",
-            harness.state().asked
+            harness.state().requested
         );
     };
     escape(&mut harness, "nothing is open");
@@ -302,7 +306,7 @@ fn escape_never_stops_a_job() {
         Dialog::Models,
         Dialog::Shortcuts,
         Dialog::Palette,
-        Dialog::Picture,
+        Dialog::Image,
     ] {
         harness.state_mut().shell.view.dialog = Some(dialog);
         harness.run_steps(4);
@@ -347,9 +351,9 @@ fn escape_that_closes_a_menu_keeps_the_unfinished_polygon() {
     press(&mut harness, Modifiers::NONE, Key::Escape);
     assert!(!harness.state().shell.view.draft.is_half_made());
     assert!(
-        harness.state().asked.is_empty(),
+        harness.state().requested.is_empty(),
         "{:?}",
-        harness.state().asked
+        harness.state().requested
     );
 }
 
@@ -357,8 +361,8 @@ fn escape_that_closes_a_menu_keeps_the_unfinished_polygon() {
 fn button_and_keys_stop_a_job() {
     let mut harness = busy().shown();
     press(&mut harness, CTRL, Key::Period);
-    assert_eq!(harness.state().asked, [Command::Stop]);
+    assert_eq!(harness.state().requested, [Command::Stop]);
     harness.get_by_label("Stop running job").click();
     harness.run_steps(2);
-    assert_eq!(harness.state().asked, [Command::Stop, Command::Stop]);
+    assert_eq!(harness.state().requested, [Command::Stop, Command::Stop]);
 }

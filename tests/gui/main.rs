@@ -9,17 +9,19 @@
 mod data;
 
 #[cfg(test)]
-mod asking;
+mod book;
 #[cfg(test)]
 mod canvas;
+#[cfg(test)]
+mod conflicts;
 #[cfg(test)]
 mod desk;
 #[cfg(test)]
 mod dialogs;
 #[cfg(test)]
-mod doubt;
-#[cfg(test)]
 mod gallery;
+#[cfg(test)]
+mod inspector;
 #[cfg(test)]
 mod instances;
 #[cfg(test)]
@@ -37,6 +39,6 @@ mod select;
 #[cfg(test)]
 mod story;
 #[cfg(test)]
-mod timeline;
+mod text_prompts;
 #[cfg(test)]
-mod words;
+mod timeline;

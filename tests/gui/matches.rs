@@ -114,7 +114,11 @@ fn panel_sends_the_chosen_options() {
     harness.run_steps(3);
     press(&mut harness, egui::Modifiers::NONE, egui::Key::Escape);
     press(&mut harness, egui::Modifiers::NONE, egui::Key::R);
-    assert_eq!(harness.state().asked, [], "no pair is left out in silence");
+    assert_eq!(
+        harness.state().requested,
+        [],
+        "no pair is left out in silence"
+    );
     assert!(
         harness
             .query_all_by_label_contains("'1' is not a pair of frames")
@@ -137,5 +141,5 @@ fn panel_sends_the_chosen_options() {
         pairs,
         ..ReconstructRequest::default()
     };
-    assert_eq!(harness.state().asked, [Command::Reconstruct(request)]);
+    assert_eq!(harness.state().requested, [Command::Reconstruct(request)]);
 }

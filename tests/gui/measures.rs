@@ -96,10 +96,13 @@ fn cell_tooltip_shows_definition_and_point_count() {
     harness.hover_at(at);
     harness.run_steps(60);
     let tip = format!("From {} points", area.points);
-    for told in [tip.as_str(), &area.definition] {
+    for reported in [tip.as_str(), &area.definition] {
         assert!(
-            harness.query_all_by_label_contains(told).next().is_some(),
-            "{told}"
+            harness
+                .query_all_by_label_contains(reported)
+                .next()
+                .is_some(),
+            "{reported}"
         );
     }
 }
@@ -168,22 +171,25 @@ fn angle_between_two_chosen_labels_is_shown_and_explained() {
     let at = harness.get_by_label("34.5°").rect().center();
     harness.hover_at(at);
     harness.run_steps(60);
-    for told in [
+    for reported in [
         "angle between leaf and pot",
         "From 2345 points",
         "Largest of 2 parts: 34.5°, 61.0°",
     ] {
         assert!(
-            harness.query_all_by_label_contains(told).next().is_some(),
-            "{told}"
+            harness
+                .query_all_by_label_contains(reported)
+                .next()
+                .is_some(),
+            "{reported}"
         );
     }
     harness
         .state_mut()
         .angles
-        .insert(pair, Err("no angle can be told of 'pot'".into()));
+        .insert(pair, Err("no angle can be computed for 'pot'".into()));
     harness.run_steps(2);
-    harness.get_by_label("no angle can be told of 'pot'");
+    harness.get_by_label("no angle can be computed for 'pot'");
 
     harness.get_by_label("Export CSV…").click();
     harness.run_steps(3);
@@ -198,7 +204,7 @@ fn angle_between_two_chosen_labels_is_shown_and_explained() {
         angles: vec![pair],
         ..ExportRequest::default()
     };
-    assert_eq!(harness.state().asked, [Command::Export(request)]);
+    assert_eq!(harness.state().requested, [Command::Export(request)]);
 
     harness.get_by_label("Remove angle 1").click();
     harness.run_steps(2);
@@ -227,7 +233,7 @@ fn measurements_are_exported_as_shown() {
         ground: label,
         ..ExportRequest::default()
     };
-    assert_eq!(harness.state().asked, [Command::Export(request)]);
+    assert_eq!(harness.state().requested, [Command::Export(request)]);
 }
 
 #[test]

@@ -20,7 +20,7 @@ fn empty_window_lists_recent_projects() {
     harness.get_by_label("rice").click();
     harness.run_steps(2);
     assert_eq!(
-        harness.state().asked,
+        harness.state().requested,
         [Command::Open("/projects/rice".into())]
     );
 }
@@ -85,10 +85,10 @@ fn labels_are_added_renamed_hidden_and_removed() {
     harness.run_steps(3);
     harness.get_by_label("Remove").click();
     harness.run_steps(2);
-    let asked = &harness.state().asked;
+    let requested = &harness.state().requested;
     let name = "panicle".to_owned();
     assert_eq!(
-        asked[..],
+        requested[..],
         [
             Command::AddLabel {
                 name,
@@ -124,7 +124,8 @@ fn suggestions_appear_as_they_arrive_and_become_labels() {
     harness.run_steps(30);
     harness.get_by_label("Add suggestion 1").click();
     harness.run_steps(2);
-    let [Command::AddLabel { .. }, Command::Prompt(request)] = &harness.state().asked[..] else {
+    let [Command::AddLabel { .. }, Command::Prompt(request)] = &harness.state().requested[..]
+    else {
         panic!()
     };
     assert_eq!((request.frame, request.label), (5, LabelId(4)));
@@ -202,13 +203,15 @@ fn geometry_check_needs_depth_and_cameras() {
     assert!(harness.state().shell.view.track.constrain);
     harness.get_all_by_label("Track").last().unwrap().click();
     harness.run_steps(2);
-    assert!(matches!(&harness.state().asked[..], [Command::Track(settings)] if settings.constrain));
+    assert!(
+        matches!(&harness.state().requested[..], [Command::Track(settings)] if settings.constrain)
+    );
     harness.state_mut().shell.view.track.tracker = TrackerId::Geometry;
     harness.run_steps(2);
     assert!(harness.get_by_label(name).accesskit_node().is_disabled());
     assert!(
         !harness.state().shell.view.track.constrain,
-        "'geometry' needs no such wish"
+        "'geometry' needs no such request"
     );
 }
 
@@ -225,10 +228,10 @@ fn buttons_request_undo_tracking_reconstruction_and_fusion() {
         button.click();
         harness.run_steps(2);
     }
-    let asked = &harness.state().asked;
+    let requested = &harness.state().requested;
     assert!(
         matches!(
-            asked[..],
+            requested[..],
             [
                 Command::Undo,
                 Command::Track(_),
@@ -236,7 +239,7 @@ fn buttons_request_undo_tracking_reconstruction_and_fusion() {
                 Command::Fuse(_)
             ]
         ),
-        "{asked:?}"
+        "{requested:?}"
     );
 }
 
@@ -256,7 +259,7 @@ fn one_label_is_re_tracked_around_a_corrected_frame() {
         replace: true,
         ..TrackSettings::default()
     };
-    assert_eq!(harness.state().asked[..], [Command::Track(settings)]);
+    assert_eq!(harness.state().requested[..], [Command::Track(settings)]);
     harness.state_mut().shell.view.go_to(1);
     harness.run_steps(2);
     assert!(
@@ -270,7 +273,7 @@ fn network_input_size_can_be_chosen() {
     let mut harness = Desk::sample().shown();
     assert!(
         harness.query_by_label("custom").is_none(),
-        "our own trackers see pictures as they are"
+        "our own trackers see images as they are"
     );
     harness.state_mut().shell.view.track.tracker = TrackerId::XMem;
     harness.run_steps(2);
@@ -365,16 +368,16 @@ fn surface_can_be_shown_as_mesh_wireframe_or_voxels() {
 #[test]
 fn panes_are_shown_side_by_side_or_alone() {
     let mut harness = Desk::sample().shown();
-    for (panes, picture, scene) in [
+    for (panes, image, scene) in [
         (Panes::Both, true, true),
-        (Panes::Picture, true, false),
+        (Panes::Image, true, false),
         (Panes::Scene, false, true),
     ] {
         harness.state_mut().shell.view.prefs.panes = panes;
         harness.run_steps(2);
         assert_eq!(
             harness.query_by_label("Image 000.png").is_some(),
-            picture,
+            image,
             "{panes:?}"
         );
         assert_eq!(

@@ -6,7 +6,7 @@ use egui::{
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
-use ostra_app::{Asked, ClipSides, Panes};
+use ostra_app::{ClipSides, InspectedPoint, Panes};
 use ostra_cloud::measure::GroundChoice;
 use ostra_masks::LabelId;
 use ostra_view::Coloring;
@@ -86,7 +86,7 @@ fn uncertain_points_are_shown_alone_until_a_button_shows_all() {
     assert!(harness.query_by_label("Uncertain below").is_none());
     harness.get_by_label("Uncertain points only").click();
     harness.run_steps(3);
-    assert_eq!(harness.state().shell.view.scene.doubtful_below, Some(0.7));
+    assert_eq!(harness.state().shell.view.scene.uncertain_below, Some(0.7));
     assert!(
         harness.query_by_label("Uncertain below").is_some(),
         "{:?}",
@@ -95,7 +95,7 @@ fn uncertain_points_are_shown_alone_until_a_button_shows_all() {
     press(&mut harness, Modifiers::NONE, Key::Escape);
     harness.get_by_label("Show all points").click();
     harness.run_steps(3);
-    assert_eq!(harness.state().shell.view.scene.doubtful_below, None);
+    assert_eq!(harness.state().shell.view.scene.uncertain_below, None);
 }
 
 #[test]
@@ -193,7 +193,8 @@ fn cross(harness: &Harness<'static, Desk>, color: Color32) -> Vec<[Pos2; 2]> {
 fn mark_of_the_inspected_point_has_the_same_size_near_and_far() {
     let mut harness = shown();
     let cloud = harness.state().cloud.clone().unwrap();
-    harness.state_mut().shell.view.asked = Some(Asked::new(&cloud, None, cloud.len() / 2));
+    harness.state_mut().shell.view.inspected_point =
+        Some(InspectedPoint::new(&cloud, None, cloud.len() / 2));
     harness.run_steps(3);
     let pane = harness.get_by_label("3-D view").rect();
     let reach = |harness: &Harness<'static, Desk>| {
@@ -239,7 +240,7 @@ fn resting_pointer_shows_the_label_of_the_point() {
     let point = (0..cloud.len())
         .find(|&point| cloud.labels[point] == LabelId(2))
         .unwrap();
-    harness.state_mut().shell.view.asked = Some(Asked::new(&cloud, None, point));
+    harness.state_mut().shell.view.inspected_point = Some(InspectedPoint::new(&cloud, None, point));
     harness.run_steps(3);
     let arms = cross(&harness, Color32::from_rgb(255, 235, 90));
     let at = arms
@@ -249,7 +250,7 @@ fn resting_pointer_shows_the_label_of_the_point() {
             all.union(egui::Rect::from_pos(at))
         })
         .center();
-    harness.state_mut().shell.view.asked = None;
+    harness.state_mut().shell.view.inspected_point = None;
     harness.run_steps(3);
     assert!(harness.query_by_label(TIP).is_none());
     harness.hover_at(at);

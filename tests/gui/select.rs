@@ -10,7 +10,7 @@ use ostra_cloud::fuse::Votes;
 use ostra_cloud::select::{Eye, SeenRegion, SelectStep, Selection, Selector};
 use ostra_masks::LabelId;
 use ostra_project::ResultKind;
-use ostra_session::{AdoptRequest, CloudChange, CloudCorrection, Command};
+use ostra_session::{AttachRequest, CloudChange, CloudCorrection, Command};
 
 use crate::desk::{Desk, drag, drag_fast, press};
 
@@ -117,9 +117,12 @@ fn lasso_in_the_view_requests_the_correction() {
     let correction = CloudCorrection {
         select,
         change: CloudChange::Assign(LabelId(3)),
-        as_anchors: true,
+        as_keyframes: true,
     };
-    assert_eq!(harness.state().asked, [Command::CorrectCloud(correction)]);
+    assert_eq!(
+        harness.state().requested,
+        [Command::CorrectCloud(correction)]
+    );
     assert!(
         steps(&harness).is_empty(),
         "what was corrected is chosen no more"
@@ -206,7 +209,7 @@ fn modifiers_add_and_subtract_and_escape_undoes_step_by_step() {
     assert!(steps(&harness).is_empty() && harness.state().shell.view.scene_select.in_hand);
     press(&mut harness, Modifiers::NONE, Key::Escape);
     assert!(!harness.state().shell.view.scene_select.in_hand);
-    assert!(harness.state().asked.is_empty());
+    assert!(harness.state().requested.is_empty());
 }
 
 #[test]
@@ -231,16 +234,16 @@ fn selection_grows_and_is_split_and_cleared() {
     harness.run_steps(2);
     find(&mut harness);
     press(&mut harness, Modifiers::SHIFT, Key::Backspace);
-    let asked = &harness.state().asked;
+    let requested = &harness.state().requested;
     let [
         Command::CorrectCloud(CloudCorrection {
             select,
             change: CloudChange::Clear,
-            as_anchors: false,
+            as_keyframes: false,
         }),
-    ] = &asked[..]
+    ] = &requested[..]
     else {
-        panic!("{asked:?}")
+        panic!("{requested:?}")
     };
     assert!(matches!(
         select[..],
@@ -254,7 +257,7 @@ fn selection_grows_and_is_split_and_cleared() {
 
 #[test]
 fn loose_fragments_are_attached_only_with_known_votes() {
-    let asked = |mut harness: Harness<'_, Desk>| {
+    let requested = |mut harness: Harness<'_, Desk>| {
         press(
             &mut harness,
             Modifiers {
@@ -266,11 +269,14 @@ fn loose_fragments_are_attached_only_with_known_votes() {
         harness.event(Event::Text("attach".into()));
         harness.run_steps(2);
         press(&mut harness, Modifiers::NONE, Key::Enter);
-        harness.state().asked.clone()
+        harness.state().requested.clone()
     };
-    assert_eq!(asked(desk()), [Command::Adopt(AdoptRequest::default())]);
     assert_eq!(
-        asked(
+        requested(desk()),
+        [Command::Attach(AttachRequest::default())]
+    );
+    assert_eq!(
+        requested(
             Desk {
                 votes: None,
                 ..Desk::sample()

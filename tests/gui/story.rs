@@ -59,7 +59,7 @@ fn until(harness: &mut Shown, what: &str, mut is_true: impl FnMut(&mut Shown) ->
 }
 
 /// Writes three images of a bright square on a dark ground.
-fn pictures(dir: &Path) {
+fn images(dir: &Path) {
     for number in 0..3_u32 {
         let square = |x: u32, y: u32| (30..60).contains(&(x - number * 3)) && (20..50).contains(&y);
         let pixel = |x, y| {
@@ -76,7 +76,7 @@ fn pictures(dir: &Path) {
 }
 
 fn open(harness: &mut Shown, dir: &Path) {
-    pictures(dir);
+    images(dir);
     let sources = vec![FrameFolder {
         frames: dir.to_owned(),
         depth: None,
@@ -117,7 +117,7 @@ fn click_makes_a_keyframe_and_undo_removes_it() {
         });
         harness.run_steps(1);
     }
-    until(&mut harness, "frame 0 is an anchor", |harness| {
+    until(&mut harness, "frame 0 is a keyframe", |harness| {
         harness.query_by_label("Frame 0, keyframe").is_some()
     });
     let project = inner(&mut harness).session().project().unwrap().clone();
@@ -146,7 +146,7 @@ fn click_makes_a_keyframe_and_undo_removes_it() {
     assert_eq!(
         note(&mut harness),
         format!("Undone: {title}"),
-        "the line of the status tells no more that it is done"
+        "the status line no longer says that it is done"
     );
     inner(&mut harness).act(Command::Redo);
     assert_eq!(note(&mut harness), format!("Redone: {title}"));
@@ -233,7 +233,7 @@ fn cloud_in_the_window_follows_its_masks() {
 #[test]
 fn changing_image_to_video_changes_the_file_extension() {
     let mut harness = window();
-    inner(&mut harness).shell().view.dialog = Some(Dialog::Picture);
+    inner(&mut harness).shell().view.dialog = Some(Dialog::Image);
     harness.run_steps(4);
     harness.get_by_label("Image file").focus();
     harness.run_steps(2);
@@ -283,7 +283,7 @@ fn closing_returns_to_the_start_page() {
 }
 
 /// Fills in the image dialog, saves, and waits until the file at `path` exists.
-fn write_picture(harness: &mut Shown, field: &str, path: &Path) {
+fn write_image(harness: &mut Shown, field: &str, path: &Path) {
     harness.get_by_label(field).focus();
     harness.run_steps(2);
     harness.event(egui::Event::Text(path.display().to_string()));
@@ -299,7 +299,7 @@ fn scene_view_is_saved_as_an_image_of_any_size() {
     let plane = (0..10_000).map(|k| Vec3::new((k % 100) as f32, (k / 100) as f32, 0.0) * 0.01);
     let mut cloud = LabelledCloud::from_positions(plane.collect());
     cloud.colors = vec![[200, 40, 30]; cloud.len()];
-    save_ply(&ply, &cloud, Coloring::Picture, &Progress::default()).unwrap();
+    save_ply(&ply, &cloud, Coloring::Image, &Progress::default()).unwrap();
     let mut harness = window();
     inner(&mut harness).act(Command::Inspect(ply));
     until(&mut harness, "the cloud is there", |harness| {
@@ -312,13 +312,13 @@ fn scene_view_is_saved_as_an_image_of_any_size() {
     harness.run_steps(6);
     harness.get_by_label("Transparent background").click();
     harness.run_steps(2);
-    write_picture(&mut harness, "Image file", &png);
-    let picture = image::open(&png).unwrap().to_rgba8();
-    assert_eq!(picture.dimensions(), (1920, 1080));
-    let [r, g, b, opacity] = picture.get_pixel(960, 540).0;
+    write_image(&mut harness, "Image file", &png);
+    let image = image::open(&png).unwrap().to_rgba8();
+    assert_eq!(image.dimensions(), (1920, 1080));
+    let [r, g, b, opacity] = image.get_pixel(960, 540).0;
     assert!(
         opacity == 255 && r > 150 && g < 70 && b < 70,
         "{r} {g} {b} {opacity}"
     );
-    assert_eq!(picture.get_pixel(3, 3).0[3], 0);
+    assert_eq!(image.get_pixel(3, 3).0[3], 0);
 }

@@ -22,8 +22,8 @@ fn cell(harness: &Harness<'_, Desk>, label: &str, frame: usize) -> Pos2 {
     Pos2::new(left + (frame as f32 + 0.5) * width, rect.center().y)
 }
 
-fn asked(harness: &Harness<'_, Desk>) -> RangeRequest {
-    match harness.state().asked.last() {
+fn requested(harness: &Harness<'_, Desk>) -> RangeRequest {
+    match harness.state().requested.last() {
         Some(Command::Range(request)) => request.clone(),
         other => panic!("{other:?}"),
     }
@@ -44,7 +44,7 @@ fn button_deletes_the_label_in_the_dragged_range() {
     assert_eq!((view.label, view.range), (Some(LEAF), Some((3, 7))));
     harness.get_by_label("Delete label in range").click();
     harness.run_steps(2);
-    let request = asked(&harness);
+    let request = requested(&harness);
     assert_eq!(
         (request.labels, request.from, request.to),
         (vec![LEAF], 3, 7)
@@ -76,22 +76,22 @@ fn range_is_set_and_changed_by_keys_alone() {
     assert_eq!(harness.state().shell.view.range, Some((1, 3)));
     for (key, change) in [(Key::K, RangeChange::Lock), (Key::H, RangeChange::Hide)] {
         press(&mut harness, NONE, key);
-        let request = asked(&harness);
+        let request = requested(&harness);
         assert_eq!((request.from, request.to, request.change), (1, 3, change));
     }
-    let said = FrameSet::from(vec![(0, 5)]);
+    let output = FrameSet::from(vec![(0, 5)]);
     harness.state_mut().project.marks.insert(
         LEAF,
         Marks {
-            locked: said.clone(),
-            hidden: said,
+            locked: output.clone(),
+            hidden: output,
             ..Marks::default()
         },
     );
     for (key, change) in [(Key::K, RangeChange::Unlock), (Key::H, RangeChange::Show)] {
         press(&mut harness, NONE, key);
         assert_eq!(
-            asked(&harness).change,
+            requested(&harness).change,
             change,
             "a second time takes it back"
         );
@@ -103,14 +103,14 @@ fn keys_delete_a_label_before_or_from_this_frame() {
     let mut harness = with_leaf();
     harness.state_mut().shell.view.go_to(5);
     press(&mut harness, NONE, Key::Comma);
-    let request = asked(&harness);
+    let request = requested(&harness);
     assert_eq!(
         (request.from, request.to, request.change),
         (1, 4, RangeChange::Delete),
-        "frame 0 is an anchor with it"
+        "frame 0 is a keyframe with it"
     );
     press(&mut harness, NONE, Key::Period);
-    let request = asked(&harness);
+    let request = requested(&harness);
     assert_eq!(
         (request.from, request.to, request.change),
         (5, 11, RangeChange::Delete)
@@ -127,7 +127,7 @@ fn merge_asks_for_the_other_label_and_a_key_chooses_it() {
     ));
     press(&mut harness, NONE, Key::Num3);
     assert_eq!(
-        asked(&harness).change,
+        requested(&harness).change,
         RangeChange::Merge { into: LabelId(3) }
     );
     assert_eq!(harness.state().shell.view.dialog, None);
@@ -151,7 +151,7 @@ fn fragment_under_the_pointer_is_split_off() {
         frame: 0,
         at_px,
         into: LabelId(3),
-    } = asked(&harness).change
+    } = requested(&harness).change
     else {
         panic!()
     };
@@ -167,7 +167,7 @@ fn mask_is_copied_from_frame_to_frame() {
     press(&mut harness, SHIFT, Key::C);
     press(&mut harness, NONE, Key::End);
     press(&mut harness, SHIFT, Key::V);
-    let request = asked(&harness);
+    let request = requested(&harness);
     assert_eq!(
         (request.from, request.to, request.change),
         (11, 11, RangeChange::Copy { frame: 0 })

@@ -121,13 +121,13 @@ fn identifiers_stay_in_their_modules() {
     let mut wrong = Vec::new();
     for source in sources() {
         for (word, homes) in WORDS {
-            let said = source.code.match_indices(word).any(|(at, _)| {
+            let message = source.code.match_indices(word).any(|(at, _)| {
                 !source.code[..at].ends_with(|c: char| {
                     c.is_alphanumeric() || c == '_' || (c == 'e' && *word == "print!")
                 })
             });
             let home = homes.iter().any(|home| source.path.starts_with(home));
-            if said && !home {
+            if message && !home {
                 wrong.push(format!("src/{} says {word}", source.path));
             }
         }

@@ -54,13 +54,13 @@ fn corner_without_a_mask_is_attached_to_its_label() {
         remove: false,
         hidden: Vec::new(),
         isolated: None,
-        doubtful_below: None,
+        uncertain_below: None,
         cube_from_world: None,
     };
     let correction = CloudCorrection {
         select: vec![SelectStep::Seen(corner), SelectStep::Only(thing)],
         change: CloudChange::Clear,
-        as_anchors: false,
+        as_keyframes: false,
     };
     perform(&mut session, Command::CorrectCloud(correction)).unwrap();
     let (before, cut) = (session.project().unwrap().clone(), count(&session, thing));

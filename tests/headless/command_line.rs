@@ -40,8 +40,8 @@ fn complete_workflow_runs_on_the_command_line() {
         done(&[
             "shot", &project, &shot, "--color", "labels", "--model", model,
         ]);
-        let picture = image::open(&shot).unwrap().to_rgb8();
-        let of_thing = picture
+        let image = image::open(&shot).unwrap().to_rgb8();
+        let of_thing = image
             .pixels()
             .filter(|pixel| pixel.0[0] > 90 && pixel.0[1] < 60)
             .count();
@@ -126,7 +126,7 @@ fn fusion_after_a_correction_only_votes_again_and_equals_a_full_fusion() {
         .unwrap();
     let mut marked = read_ply(&file, &Progress::default()).unwrap().cloud;
     marked.colors[7] = [1, 2, 3];
-    save_ply(&file, &marked, Coloring::Picture, &Progress::default()).unwrap();
+    save_ply(&file, &marked, Coloring::Image, &Progress::default()).unwrap();
 
     for frame in ["0", "2", "3"] {
         done(&[
@@ -150,12 +150,12 @@ fn fusion_after_a_correction_only_votes_again_and_equals_a_full_fusion() {
         .set_modified(std::time::SystemTime::UNIX_EPOCH)
         .unwrap();
     done(&["fuse", &project, "--voxel", "0.01"]);
-    let anew = fused(&project);
-    assert_eq!(anew[0].0[7], first[0].0[7]);
-    assert!(anew[0].1 == voted[0].1 && anew[1] == voted[1]);
+    let again = fused(&project);
+    assert_eq!(again[0].0[7], first[0].0[7]);
+    assert!(again[0].1 == voted[0].1 && again[1] == voted[1]);
     done(&["fuse", &project, "--voxel", "0.02"]);
     assert!(
-        fused(&project)[0].1.len() < anew[0].1.len(),
+        fused(&project)[0].1.len() < again[0].1.len(),
         "another voxel size, other points"
     );
 }
@@ -168,14 +168,14 @@ fn prompt_sets_only_given_fields_and_keyframes_are_not_overwritten() {
     done(&[
         "prompt", &project, "--frame", "0", "--label", "thing", "--click", "20,24",
     ]);
-    let anchor = std::fs::read(Path::new(&project).join("masks/0.png")).unwrap();
+    let keyframe = std::fs::read(Path::new(&project).join("masks/0.png")).unwrap();
     done(&[
         "prompt", &project, "--frame", "3", "--label", "thing", "--click", "16,24",
     ]);
     done(&["track", &project]);
     assert_eq!(
         std::fs::read(Path::new(&project).join("masks/0.png")).unwrap(),
-        anchor
+        keyframe
     );
 }
 
@@ -203,8 +203,8 @@ fn thin_structure_is_traced_through_at_least_two_points() {
         .concat(),
     );
     let traced = ids(&project, 1);
-    let (inside, beside) = (traced[24 * 64 + 19], traced[24 * 64 + 40]);
-    assert_eq!((inside, beside), (1, 0));
+    let (inside, adjacent) = (traced[24 * 64 + 19], traced[24 * 64 + 40]);
+    assert_eq!((inside, adjacent), (1, 0));
     let area = traced.iter().filter(|&&id| id == 1).count();
     assert!(
         (16 * 12..16 * 21).contains(&area),
@@ -344,7 +344,7 @@ fn one_label_is_tracked_again_and_the_others_stay() {
     assert_eq!(
         [0, 1, 3].map(|k: usize| after[k] == before[k]),
         [true; 3],
-        "outside the range and on the anchor"
+        "outside the range and on the keyframe"
     );
     assert_eq!(state(), ["stale", "anchor", "tracked", "stale"]);
     assert!(
@@ -396,7 +396,7 @@ fn one_label_is_tracked_again_and_the_others_stay() {
     assert!(refused(&["track", &project, "--label", "sky"]).contains("'sky'"));
     assert!(
         refused(&["track", &project, "--label", "thing", "--around", "2"])
-            .contains("frame 2 is no anchor")
+            .contains("frame 2 is not a keyframe")
     );
     assert_eq!(
         ostra(&["track", &project, "--around", "1", "--from", "0"])
@@ -483,7 +483,7 @@ fn missing_requirements_are_named_in_the_error() {
         "prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24",
     ]);
     assert!(refused(&["track", &project, "--tracker", "xmem"]).contains("xmem"));
-    let said = refused(&[
+    let message = refused(&[
         "track",
         &project,
         "--tracker",
@@ -492,8 +492,8 @@ fn missing_requirements_are_named_in_the_error() {
         "480",
     ]);
     assert!(
-        said.contains("'xmem' and 'deaot'") && said.contains("'flow'"),
-        "{said}"
+        message.contains("'xmem' and 'deaot'") && message.contains("'flow'"),
+        "{message}"
     );
     assert_eq!(ostra(&["prompt"]).status.code(), Some(2));
     assert_eq!(
@@ -571,7 +571,7 @@ fn broken_input_gives_one_error_line_and_changes_nothing() {
     .unwrap();
     assert!(
         new(&["--cameras", &nan]).contains("other"),
-        "names that match no frame are told"
+        "names that match no frame are reported"
     );
 
     let small = recording.path("small");

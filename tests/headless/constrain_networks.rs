@@ -31,7 +31,7 @@ struct Recording {
 }
 
 /// Keyframe, whose ground-truth mask is given.
-const ANCHOR: usize = 0;
+const KEYFRAME: usize = 0;
 
 impl Recording {
     fn new() -> Self {
@@ -83,7 +83,7 @@ impl Recording {
         TrackRequest {
             frames: Arc::clone(&self.session.project().unwrap().frames),
             store: Arc::clone(self.session.store()),
-            anchors: BTreeMap::from([(ANCHOR, Arc::clone(&self.truth[ANCHOR]))]),
+            keyframes: BTreeMap::from([(KEYFRAME, Arc::clone(&self.truth[KEYFRAME]))]),
             from: 0,
             to: self.truth.len() - 1,
             direction: Direction::Both,
@@ -95,7 +95,7 @@ impl Recording {
     fn tracked(&self, tracker: &dyn Tracker) -> (f64, String) {
         let mut masks = BTreeMap::new();
         let mut take = |tracked: TrackedFrame| drop(masks.insert(tracked.frame, tracked.mask));
-        let told = tracker
+        let reported = tracker
             .track(&self.request(), &mut take, &Progress::default())
             .unwrap();
         assert_eq!(masks.len(), self.truth.len() - 1);
@@ -108,7 +108,7 @@ impl Recording {
             }
         };
         let pairs: Vec<FramePair> = masks.into_iter().map(pair).collect();
-        let labels: BTreeSet<_> = self.truth[ANCHOR]
+        let labels: BTreeSet<_> = self.truth[KEYFRAME]
             .ids
             .iter()
             .copied()
@@ -119,7 +119,7 @@ impl Recording {
             score_pairs(&pairs, &labels, &Progress::default())
                 .unwrap()
                 .j,
-            told.join("\n"),
+            reported.join("\n"),
         )
     }
 }
@@ -144,7 +144,7 @@ impl<T: Tracker> Tracker for Noting<T> {
         self.begun
             .lock()
             .unwrap()
-            .push(request.anchors.keys().copied().collect());
+            .push(request.keyframes.keys().copied().collect());
         self.tracker.track(request, emit, progress)
     }
 }
@@ -178,11 +178,11 @@ fn gains_by_geometry<T: Tracker + 'static>(tracker: T) {
         options,
     };
     assert_eq!(constrained.name(), tracker.name());
-    let (held, told) = recording.tracked(&constrained);
+    let (held, reported) = recording.tracked(&constrained);
     let (geometry, _) = recording.tracked(&GeometryTracker::default());
     let begun = begun.lock().unwrap().clone();
     println!(
-        "{}: J {free:.3}, constrained {held:.3}, geometry {geometry:.3}; from {begun:?}\n{told}",
+        "{}: J {free:.3}, constrained {held:.3}, geometry {geometry:.3}; from {begun:?}\n{reported}",
         tracker.name()
     );
     assert!(free < 0.3, "random weights know nothing: J {free:.3}");
@@ -192,14 +192,15 @@ fn gains_by_geometry<T: Tracker + 'static>(tracker: T) {
         "J {free:.3}, constrained {held:.3}, geometry {geometry:.3}"
     );
     assert!(
-        told.contains("geometry mended") && told.contains("were given to the tracker anew on"),
-        "{told}"
+        reported.contains("geometry mended")
+            && reported.contains("were restarted in the tracker on"),
+        "{reported}"
     );
     // The first run starts from the keyframe; each further run starts from one more corrected mask.
-    assert_eq!(begun[0], [ANCHOR]);
+    assert_eq!(begun[0], [KEYFRAME]);
     assert!(begun.len() > 1, "{begun:?}");
-    for (number, anchors) in begun.iter().enumerate() {
-        assert_eq!(anchors.len(), number + 1, "{begun:?}");
+    for (number, keyframes) in begun.iter().enumerate() {
+        assert_eq!(keyframes.len(), number + 1, "{begun:?}");
     }
 }
 

@@ -98,11 +98,11 @@ fn correction_continues_without_an_unreadable_depth() {
         square()
     );
     let output = ostra(&["run", &recipe(&recording, &project, &assign)]);
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{said}");
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{message}");
     assert!(
-        said.contains("1 frames have a depth that cannot be read") && said.contains("2.png"),
-        "{said}"
+        message.contains("1 frames have a depth that cannot be read") && message.contains("2.png"),
+        "{message}"
     );
     for (frame, &thing) in things.iter().enumerate() {
         let moved = pixels(&project, frame, 2);
@@ -159,7 +159,7 @@ fn corrected_points_keep_their_label_after_another_fusion() {
             remove: false,
             hidden: Vec::new(),
             isolated: None,
-            doubtful_below: None,
+            uncertain_below: None,
             cube_from_world: None,
         };
         let steps = vec![SelectStep::Seen(seen)];
@@ -176,7 +176,7 @@ fn corrected_points_keep_their_label_after_another_fusion() {
         let correction = CloudCorrection {
             select: steps,
             change,
-            as_anchors: false,
+            as_keyframes: false,
         };
         perform(&mut session, Command::CorrectCloud(correction)).unwrap();
         let labels = session.cloud().unwrap().labels.clone();
@@ -224,7 +224,7 @@ fn thing_to(label: LabelId) -> CloudCorrection {
     CloudCorrection {
         select,
         change: CloudChange::Assign(label),
-        as_anchors: false,
+        as_keyframes: false,
     }
 }
 

@@ -184,14 +184,14 @@ fn measured_cloud_is_freed_after_another_fusion() {
     let mut session = Session::new();
     session.act(Command::Open(project.into())).unwrap();
     session.settle(|_| ControlFlow::Continue(()));
-    let wish = MeasureSettings::default();
+    let settings = MeasureSettings::default();
     let pair = ["thing", "nothing"]
         .map(|name| session.project().unwrap().labels.by_name(name).unwrap().id);
     for _ in 0..3 {
-        let _ = (session.traits(wish), session.angles([pair]));
+        let _ = (session.traits(settings), session.angles([pair]));
         session.settle(|_| ControlFlow::Continue(()));
     }
-    assert!(session.traits(wish).is_some());
+    assert!(session.traits(settings).is_some());
     assert!(session.angles([pair])[&pair].is_err());
     let former = Arc::downgrade(session.cloud().unwrap());
     session
@@ -202,7 +202,7 @@ fn measured_cloud_is_freed_after_another_fusion() {
         .unwrap();
     session.settle(|_| ControlFlow::Continue(()));
     assert!(session.cloud().is_some());
-    assert!(former.upgrade().is_none(), "nobody needs it any more");
+    assert!(former.upgrade().is_none(), "it has no owner any more");
 }
 
 #[test]
@@ -210,11 +210,11 @@ fn unmeasurable_angle_gives_one_error_line() {
     let (recording, project) = fused();
     let csv = recording.path("traits.csv");
     let refused = |pair: [&str; 2]| {
-        let told = refused(&[
+        let reported = refused(&[
             "export", &project, "--traits", &csv, "--angle", pair[0], pair[1],
         ]);
-        assert!(!Path::new(&csv).exists(), "{told}");
-        told
+        assert!(!Path::new(&csv).exists(), "{reported}");
+        reported
     };
     for (pair, expected) in [
         (
@@ -225,8 +225,8 @@ fn unmeasurable_angle_gives_one_error_line() {
         (["object", "thing"], "'thing' is a part of 'object'"),
         (["thing", "nothing"], "'nothing': it has no points"),
     ] {
-        let told = refused(pair);
-        assert!(told.contains(expected), "{told}");
+        let reported = refused(pair);
+        assert!(reported.contains(expected), "{reported}");
     }
     let mut run = Process::new(env!("CARGO_BIN_EXE_ostra"));
     let one = run
@@ -241,14 +241,14 @@ fn job_measures_the_shown_level() {
     let (_recording, project) = fused();
     let mut session = Session::new();
     session.act(Command::Open(project.into())).unwrap();
-    let mut asked = |level| {
-        let wish = MeasureSettings {
+    let mut requested = |level| {
+        let settings = MeasureSettings {
             level,
             ..MeasureSettings::default()
         };
         let mut answered = 0;
         // The cloud is loaded before it is measured.
-        while session.traits(wish).is_none() && answered < 4 {
+        while session.traits(settings).is_none() && answered < 4 {
             session.settle(|_| ControlFlow::Continue(()));
             answered += 1;
         }
@@ -258,13 +258,13 @@ fn job_measures_the_shown_level() {
             "depths tell the scale"
         );
         assert!(answered > 0, "what was measured otherwise is not shown");
-        let rows = session.traits(wish).expect("it is measured");
+        let rows = session.traits(settings).expect("it is measured");
         rows.iter()
             .map(|row| row.label.clone())
             .collect::<BTreeSet<String>>()
             .into_iter()
             .collect::<Vec<_>>()
     };
-    assert_eq!(asked(None), ["object", "thing"]);
-    assert_eq!(asked(Some(1)), ["object"]);
+    assert_eq!(requested(None), ["object", "thing"]);
+    assert_eq!(requested(Some(1)), ["object"]);
 }

@@ -34,7 +34,7 @@ fn names(opened: &Opened) -> Vec<&str> {
 }
 
 /// Writes an image whose pixel values encode the position.
-fn picture(path: &Path, width: u32, height: u32) {
+fn image(path: &Path, width: u32, height: u32) {
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();
     image::RgbImage::from_fn(width, height, |x, y| {
         image::Rgb([x as u8, y as u8, (x * y) as u8])
@@ -43,7 +43,7 @@ fn picture(path: &Path, width: u32, height: u32) {
     .unwrap();
 }
 
-fn depth_picture(path: &Path, width: u32, height: u32) {
+fn depth_image(path: &Path, width: u32, height: u32) {
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();
     let steps = image::ImageBuffer::<image::Luma<u16>, _>::from_fn(width, height, |x, y| {
         image::Luma([if (x, y) == (0, 0) {
@@ -59,7 +59,7 @@ fn depth_picture(path: &Path, width: u32, height: u32) {
 fn every_from_and_to_count_source_frames_and_to_is_included() {
     let folder = tempfile::tempdir().unwrap();
     for index in 0..12 {
-        picture(&folder.path().join(format!("img_{index}.png")), 4, 3);
+        image(&folder.path().join(format!("img_{index}.png")), 4, 3);
     }
     let thinned = OpenRequest {
         every: 3,
@@ -88,9 +88,9 @@ fn names_differ_between_folders_and_hidden_files_are_skipped() {
         "a/rgb/.hidden.png",
         "a/rgb/.thumbs/1.png",
     ] {
-        picture(&root.path().join(name), 4, 3);
+        image(&root.path().join(name), 4, 3);
     }
-    std::fs::write(root.path().join("a/rgb/notes.txt"), "no picture").unwrap();
+    std::fs::write(root.path().join("a/rgb/notes.txt"), "no image").unwrap();
     let sources = ["b/rgb", "a/rgb"].map(|name| FrameFolder::from(root.path().join(name)));
     let both = OpenRequest {
         sources: sources.to_vec(),
@@ -105,8 +105,8 @@ fn names_differ_between_folders_and_hidden_files_are_skipped() {
 #[test]
 fn depth_is_scaled_and_unknown_values_are_zero() {
     let root = tempfile::tempdir().unwrap();
-    picture(&root.path().join("color/1.png"), 4, 3);
-    depth_picture(&root.path().join("depth/1.png"), 4, 3);
+    image(&root.path().join("color/1.png"), 4, 3);
+    depth_image(&root.path().join("depth/1.png"), 4, 3);
     let request = OpenRequest {
         depth_unit: 0.5,
         ..request(root.path().join("color"), Some(root.path().join("depth")))
@@ -127,7 +127,7 @@ fn truncated_body_is_an_error_not_a_grey_image() {
     for ending in ["png", "jpg", "tif", "webp"] {
         let root = tempfile::tempdir().unwrap();
         let path = root.path().join(format!("cut.{ending}"));
-        picture(&path, 200, 150);
+        image(&path, 200, 150);
         let whole = std::fs::read(&path).unwrap();
         let cut = if ending == "tif" {
             whole.len() - 2000
@@ -179,7 +179,7 @@ fn images_and_depth_are_rotated_by_their_exif_orientation() {
             root.path().join(format!("c{orientation}")),
             root.path().join(format!("d{orientation}")),
         );
-        depth_picture(&depth.join("1.png"), 40, 24);
+        depth_image(&depth.join("1.png"), 40, 24);
         std::fs::create_dir_all(&color).unwrap();
         let file = std::fs::File::create(color.join("1.jpg")).unwrap();
         let mut encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(file, 95);
@@ -237,12 +237,12 @@ fn errors_name_the_source_that_cannot_be_opened() {
     std::fs::create_dir(path("empty")).unwrap();
     let empty = refused(&request(path("empty"), None));
     assert!(
-        empty.contains("empty: no pictures") && empty.contains("jpg, jpeg, png, tif, tiff, webp"),
+        empty.contains("empty: no images") && empty.contains("jpg, jpeg, png, tif, tiff, webp"),
         "{empty}"
     );
     assert!(refused(&request(path("nowhere"), None)).contains("nowhere: no such file or folder"));
     std::fs::create_dir(path("text")).unwrap();
-    std::fs::write(path("text/a.png"), "this is no picture").unwrap();
+    std::fs::write(path("text/a.png"), "this is no image").unwrap();
     let text = refused(&request(path("text"), None));
     assert!(
         text.contains("a.png: this is not a JPEG, PNG, TIFF or WebP image"),
@@ -271,7 +271,7 @@ fn errors_name_the_source_that_cannot_be_opened() {
 fn header_with_an_excessive_size_is_refused() {
     let root = tempfile::tempdir().unwrap();
     let path = root.path().join("huge.jpg");
-    picture(&path, 16, 16);
+    image(&path, 16, 16);
     let mut bytes = std::fs::read(&path).unwrap();
     let size = bytes
         .windows(2)
@@ -289,12 +289,12 @@ fn header_with_an_excessive_size_is_refused() {
 fn depth_that_does_not_fit_is_refused() {
     let root = tempfile::tempdir().unwrap();
     let path = |name: &str| root.path().join(name);
-    picture(&path("rgb/a.png"), 8, 6);
-    depth_picture(&path("small/a.png"), 4, 3);
-    depth_picture(&path("other/b.png"), 8, 6);
-    picture(&path("drawn/a.png"), 8, 6);
-    picture(&path("rgb/c.png"), 8, 6);
-    depth_picture(&path("other/d.png"), 8, 6);
+    image(&path("rgb/a.png"), 8, 6);
+    depth_image(&path("small/a.png"), 4, 3);
+    depth_image(&path("other/b.png"), 8, 6);
+    image(&path("drawn/a.png"), 8, 6);
+    image(&path("rgb/c.png"), 8, 6);
+    depth_image(&path("other/d.png"), 8, 6);
     let small = refused(&request(path("rgb"), Some(path("small"))));
     assert!(
         small.contains("small/a.png: depth of 4 × 3 pixels")
@@ -303,7 +303,7 @@ fn depth_that_does_not_fit_is_refused() {
     );
     assert!(
         refused(&request(path("rgb"), Some(path("other"))))
-            .contains("other: no depth picture fits a frame")
+            .contains("other: no depth image fits a frame")
     );
     assert!(
         refused(&request(path("rgb"), Some(path("drawn"))))
@@ -315,9 +315,9 @@ fn depth_that_does_not_fit_is_refused() {
 fn frames_without_depth_are_accepted_and_named() {
     let root = tempfile::tempdir().unwrap();
     for index in 0..8 {
-        picture(&root.path().join(format!("rgb/{index}.png")), 4, 3);
+        image(&root.path().join(format!("rgb/{index}.png")), 4, 3);
     }
-    depth_picture(&root.path().join("depth/depth_0003.png"), 4, 3);
+    depth_image(&root.path().join("depth/depth_0003.png"), 4, 3);
     let opened = opened(&request(
         root.path().join("rgb"),
         Some(root.path().join("depth")),
@@ -342,30 +342,30 @@ fn rgbd_layouts_are_recognised_automatically() {
     let root = tempfile::tempdir().unwrap();
     let path = |name: &str| root.path().join(name);
     for index in 0..3 {
-        picture(
+        image(
             &path(&format!("scenes/seq-01/frame-00000{index}.color.png")),
             4,
             3,
         );
-        depth_picture(
+        depth_image(
             &path(&format!("scenes/seq-01/frame-00000{index}.depth.png")),
             4,
             3,
         );
-        picture(&path(&format!("open3d/color/{index:06}.jpg")), 4, 3);
-        depth_picture(&path(&format!("open3d/depth/{index:06}.png")), 4, 3);
-        picture(&path(&format!("open3d/labels/{index:06}.png")), 4, 3);
-        picture(
+        image(&path(&format!("open3d/color/{index:06}.jpg")), 4, 3);
+        depth_image(&path(&format!("open3d/depth/{index:06}.png")), 4, 3);
+        image(&path(&format!("open3d/labels/{index:06}.png")), 4, 3);
+        image(
             &path(&format!("tum/rgb/{}.100000.png", 1_305_031_102 + index)),
             4,
             3,
         );
-        depth_picture(
+        depth_image(
             &path(&format!("tum/depth/{}.115000.png", 1_305_031_102 + index)),
             4,
             3,
         );
-        depth_picture(&path(&format!("only/{index}.png")), 4, 3);
+        depth_image(&path(&format!("only/{index}.png")), 4, 3);
     }
     let all_with_depth = |opened: &Opened| {
         opened.frames.len() == 3 && opened.frames.iter().all(|f| f.depth.is_some())
@@ -380,8 +380,7 @@ fn rgbd_layouts_are_recognised_automatically() {
     let open3d = opened(&request(path("open3d"), None));
     assert!(all_with_depth(&open3d) && names(&open3d)[0] == "color/000000.jpg");
     assert!(
-        open3d.warnings[0]
-            .contains("3 of 3 pictures have depth, 3 other pictures in it are left out")
+        open3d.warnings[0].contains("3 of 3 images have depth, 3 other images in it are left out")
     );
     assert!(all_with_depth(&opened(&request(
         path("open3d"),
@@ -397,7 +396,7 @@ fn rgbd_layouts_are_recognised_automatically() {
     );
     let only = opened(&request(path("only"), None));
     assert!(
-        only.warnings[0].contains("3 frames are grey pictures of 16 bits"),
+        only.warnings[0].contains("3 frames are grey images of 16 bits"),
         "{:?}",
         only.warnings
     );
@@ -407,8 +406,8 @@ fn rgbd_layouts_are_recognised_automatically() {
 fn associations_pair_depth_with_images() {
     let root = tempfile::tempdir().unwrap();
     for name in ["a", "b"] {
-        picture(&root.path().join(format!("rgb/{name}.png")), 4, 3);
-        depth_picture(&root.path().join(format!("depth/{name}.png")), 4, 3);
+        image(&root.path().join(format!("rgb/{name}.png")), 4, 3);
+        depth_image(&root.path().join(format!("depth/{name}.png")), 4, 3);
     }
     std::fs::write(
         root.path().join("associations.txt"),
@@ -435,7 +434,7 @@ fn associations_pair_depth_with_images() {
 fn three_thousand_frames_are_opened_from_their_headers() {
     let root = tempfile::tempdir().unwrap();
     let path = |index: usize| root.path().join(format!("IMG_{index}.jpg"));
-    picture(&path(0), 640, 480);
+    image(&path(0), 640, 480);
     for index in 1..3000 {
         std::fs::copy(path(0), path(index)).unwrap();
     }
@@ -453,9 +452,9 @@ fn three_thousand_frames_are_opened_from_their_headers() {
 fn cache_never_exceeds_its_budget() {
     let root = tempfile::tempdir().unwrap();
     for index in 0..30 {
-        picture(&root.path().join(format!("{index}.png")), 100, 100);
+        image(&root.path().join(format!("{index}.png")), 100, 100);
     }
-    picture(&root.path().join("large.png"), 300, 300);
+    image(&root.path().join("large.png"), 300, 300);
     let frames = opened(&request(root.path(), None)).frames;
     let budget = 5 * 30_000 + 10;
     let store = FrameStore::new(budget);
@@ -482,7 +481,7 @@ fn cache_never_exceeds_its_budget() {
 fn prefetched_frames_and_thumbnails_are_cached() {
     let root = tempfile::tempdir().unwrap();
     for index in 0..6 {
-        picture(&root.path().join(format!("{index}.png")), 64, 48);
+        image(&root.path().join(format!("{index}.png")), 64, 48);
     }
     let frames = opened(&request(root.path(), None)).frames;
     let store = FrameStore::new(1 << 20);
@@ -505,9 +504,9 @@ fn prefetched_frames_and_thumbnails_are_cached() {
 fn changed_or_missing_image_is_reported() {
     let root = tempfile::tempdir().unwrap();
     let path = root.path().join("old/a.png");
-    picture(&path, 8, 6);
+    image(&path, 8, 6);
     let frames = opened(&request(path.parent().unwrap(), None)).frames;
-    picture(&path, 8, 7);
+    image(&path, 8, 7);
     let changed = FrameStore::new(1 << 20)
         .image(&frames[0])
         .unwrap_err()
@@ -516,7 +515,7 @@ fn changed_or_missing_image_is_reported() {
         changed.contains("a.png: it is 8 × 7 pixels now but was 8 × 6"),
         "{changed}"
     );
-    picture(&path, 8, 6);
+    image(&path, 8, 6);
     std::fs::rename(root.path().join("old"), root.path().join("new")).unwrap();
     let gone = FrameStore::new(1 << 20)
         .image(&frames[0])
@@ -527,14 +526,14 @@ fn changed_or_missing_image_is_reported() {
         "{gone}"
     );
 
-    assert_eq!(missing_sources(&frames), [frames[0].picture.path()]);
+    assert_eq!(missing_sources(&frames), [frames[0].image.path()]);
 }
 
 #[test]
 fn frames_added_later_get_unique_names() {
     let root = tempfile::tempdir().unwrap();
     for name in ["a/0.png", "a/1.png", "b/0.png", "b/7.png"] {
-        picture(&root.path().join(name), 4, 3);
+        image(&root.path().join(name), 4, 3);
     }
     let a = opened(&OpenRequest {
         to: Some(0),
@@ -559,7 +558,7 @@ fn frames_added_later_get_unique_names() {
     assert_eq!(names(&rest), ["1.png"]);
     assert_eq!(
         rest.warnings,
-        ["1 of 2 pictures are frames already and are left out"]
+        ["1 of 2 images are frames already and are left out"]
     );
     let none = open_more(
         &b.frames,
@@ -569,14 +568,14 @@ fn frames_added_later_get_unique_names() {
     assert!(
         none.unwrap_err()
             .to_string()
-            .contains("all 2 pictures are frames already")
+            .contains("all 2 images are frames already")
     );
 }
 
 #[test]
 fn opening_can_be_stopped() {
     let root = tempfile::tempdir().unwrap();
-    picture(&root.path().join("0.png"), 4, 3);
+    image(&root.path().join("0.png"), 4, 3);
     let progress = Progress::default();
     progress.stop();
     assert_eq!(

@@ -51,7 +51,7 @@ fn store() -> FrameStore {
     FrameStore::new(1 << 24)
 }
 
-fn picture() -> RgbImage {
+fn reference() -> RgbImage {
     RgbImage::from_fn(64, 48, |x, y| {
         Rgb([x as u8 * 3, y as u8 * 4, (x * y % 251) as u8])
     })
@@ -86,7 +86,7 @@ fn transparent_pixels_hide_their_colours() {
     GrayAlphaImage::from_fn(64, 48, |x, _| grey(x))
         .save(root.path().join("d.png"))
         .unwrap();
-    picture().save(root.path().join("e.png")).unwrap();
+    reference().save(root.path().join("e.png")).unwrap();
     let deep =
         DynamicImage::ImageRgba8(RgbaImage::from_fn(64, 48, |x, _| Rgba(color(x)))).into_rgba16();
     deep.save(root.path().join("f.png")).unwrap();
@@ -107,7 +107,7 @@ fn transparent_pixels_hide_their_colours() {
             store.opaque_pixels(frame).unwrap(),
         );
         if frame.name == "e.png" {
-            assert!(opaque.is_none() && image.at(9, 9) == picture().get_pixel(9, 9).0);
+            assert!(opaque.is_none() && image.at(9, 9) == reference().get_pixel(9, 9).0);
             continue;
         }
         assert_eq!(image.at(3, 3), [128; 3], "{}", frame.name);
@@ -130,7 +130,7 @@ fn transparent_pixels_hide_their_colours() {
 fn opaque_alpha_channel_is_not_reported() {
     let root = tempfile::tempdir().unwrap();
     for name in ["a.png", "b.png"] {
-        DynamicImage::ImageRgb8(picture())
+        DynamicImage::ImageRgb8(reference())
             .into_rgba8()
             .save(root.path().join(name))
             .unwrap();
@@ -146,7 +146,7 @@ fn float_images_of_usual_ranges_keep_their_colours() {
     let encoder =
         |name: &str| TiffEncoder::new(std::fs::File::create(path(name)).unwrap()).unwrap();
     let scaled = |white: f32| {
-        picture()
+        reference()
             .as_raw()
             .iter()
             .map(|&v| f32::from(v) / 255.0 * white)
@@ -184,7 +184,7 @@ fn float_images_of_usual_ranges_keep_their_colours() {
         } else {
             assert_eq!(
                 image.pixels.as_flattened(),
-                picture().as_raw(),
+                reference().as_raw(),
                 "{}",
                 frame.name
             );
@@ -235,8 +235,8 @@ fn unsupported_format_is_refused_with_its_path_and_a_hint() {
 fn unusual_image_encodings_keep_their_colours() {
     let root = tempfile::tempdir().unwrap();
     let path = |name: &str| root.path().join(name);
-    let expected = picture();
-    DynamicImage::ImageRgb8(picture())
+    let expected = reference();
+    DynamicImage::ImageRgb8(reference())
         .into_rgb16()
         .save(path("16bit.png"))
         .unwrap();
@@ -273,7 +273,7 @@ fn system_and_network_storage_folders_are_skipped() {
     let put = |name: &str| {
         let path = root.path().join(name);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        picture()
+        reference()
             .save_with_format(path, image::ImageFormat::Png)
             .unwrap();
     };
@@ -308,7 +308,7 @@ fn unreadable_images_are_counted_and_named() {
     let root = tempfile::tempdir().unwrap();
     let photos = root.path().join("photos");
     std::fs::create_dir(&photos).unwrap();
-    picture().save(photos.join("a.png")).unwrap();
+    reference().save(photos.join("a.png")).unwrap();
     for name in ["b.HEIC", "c.heic", "d.bmp", "e.CR2", "notes.txt"] {
         std::fs::write(photos.join(name), "x").unwrap();
     }
@@ -328,7 +328,7 @@ fn unreadable_images_are_counted_and_named() {
         photos.to_str().unwrap(),
     ]);
     assert!(
-        error.contains("no pictures in this folder") && error.contains("heif-convert"),
+        error.contains("no images in this folder") && error.contains("heif-convert"),
         "{error}"
     );
 }
@@ -405,7 +405,7 @@ fn simulated_user_skips_unreadable_frames() {
     for file in ["color/1.png", "depth/2.png"] {
         std::fs::write(recording.path(file), "").unwrap();
     }
-    let said = warned(&[
+    let message = warned(&[
         "eval",
         "interact",
         "--frames",
@@ -416,8 +416,8 @@ fn simulated_user_skips_unreadable_frames() {
         "geometry",
     ]);
     assert!(
-        said.contains("2 frames cannot be read") && said.contains("1.png, 2.png"),
-        "{said}"
+        message.contains("2 frames cannot be read") && message.contains("1.png, 2.png"),
+        "{message}"
     );
 }
 
@@ -432,19 +432,19 @@ fn clicks_and_geometry_tracker_continue_without_an_unreadable_depth() {
             "prompt", &project, "--frame", frame, "--label", "thing", "--click", "20,24",
         ])
     };
-    let said = prompt("1");
+    let message = prompt("1");
     assert!(
-        said.contains("1 frames have a depth that cannot be read") && said.contains("1.png"),
-        "{said}"
+        message.contains("1 frames have a depth that cannot be read") && message.contains("1.png"),
+        "{message}"
     );
     assert!(
         !prompt("0").contains("cannot be read"),
         "a neighbour's depth is of no concern"
     );
-    let said = warned(&["track", &project, "--tracker", "geometry"]);
+    let message = warned(&["track", &project, "--tracker", "geometry"]);
     assert!(
-        said.contains("1 frames cannot be read") && said.contains("1.png"),
-        "{said}"
+        message.contains("1 frames cannot be read") && message.contains("1.png"),
+        "{message}"
     );
     assert_eq!(frames_of(&project)[3]["mask"], "tracked");
 }
@@ -810,10 +810,10 @@ fn fusion_without_its_images_names_the_missing_one() {
     let project = recording.project();
     std::fs::rename(recording.path("color"), recording.path("moved")).unwrap();
     for more in [&[][..], &["--voxel", "0.01"]] {
-        let said = refused(&[&["fuse", &project], more].concat());
+        let message = refused(&[&["fuse", &project], more].concat());
         assert!(
-            said.contains("color") && said.contains("ostra relocate"),
-            "{said}"
+            message.contains("color") && message.contains("ostra relocate"),
+            "{message}"
         );
     }
 }
@@ -824,10 +824,10 @@ fn registration_without_its_images_names_the_missing_one() {
     let project = recording.project();
     std::fs::rename(recording.path("color"), recording.path("moved")).unwrap();
     for method in ["rgbd", "sfm"] {
-        let said = refused(&["reconstruct", &project, "--method", method]);
+        let message = refused(&["reconstruct", &project, "--method", method]);
         assert!(
-            said.contains("color") && said.contains("ostra relocate"),
-            "{method}: {said}"
+            message.contains("color") && message.contains("ostra relocate"),
+            "{method}: {message}"
         );
     }
 }

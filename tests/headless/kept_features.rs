@@ -124,10 +124,10 @@ fn stereo_uses_existing_cameras_although_images_are_unregistered() {
     let found = reconstruct(&["sfm"]);
     assert!(found.contains("5.png has no camera"), "{found}");
     let cameras = model(&project);
-    let said = reconstruct(&["mvs", "--max-side", "96"]);
+    let message = reconstruct(&["mvs", "--max-side", "96"]);
     assert!(
-        !said.contains("cameras:") && said.contains("5.png has no depth"),
-        "{said}"
+        !message.contains("cameras:") && message.contains("5.png has no depth"),
+        "{message}"
     );
     assert_eq!(model(&project), cameras, "the cameras stay as they are");
 }

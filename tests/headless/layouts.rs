@@ -15,14 +15,14 @@ use crate::session::perform;
 /// Number of frames in each recording.
 const FRAMES: u32 = 4;
 
-fn picture(path: PathBuf) {
+fn image(path: PathBuf) {
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();
     RgbImage::from_pixel(64, 48, Rgb([90, 120, 60]))
         .save(path)
         .unwrap();
 }
 
-fn depth_picture(path: PathBuf) {
+fn depth_image(path: PathBuf) {
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();
     ImageBuffer::<Luma<u16>, Vec<u16>>::from_pixel(64, 48, Luma([1500]))
         .save(path)
@@ -93,8 +93,8 @@ const OPEN3D: &str =
 fn scenenn() {
     let root = tempfile::tempdir().unwrap();
     for k in 1..=FRAMES {
-        picture(root.path().join(format!("image/image{k:05}.png")));
-        depth_picture(root.path().join(format!("depth/depth{k:05}.png")));
+        image(root.path().join(format!("image/image{k:05}.png")));
+        depth_image(root.path().join(format!("depth/depth{k:05}.png")));
     }
     let trajectory = write(&root.path().join("trajectory.log"), &log(0));
     opens(
@@ -110,8 +110,8 @@ fn scenenn() {
 fn stanford_and_redwood() {
     let root = tempfile::tempdir().unwrap();
     for k in 1..=FRAMES {
-        picture(root.path().join(format!("lounge_color/{k:06}.png")));
-        depth_picture(root.path().join(format!("lounge_depth/{k:06}.png")));
+        image(root.path().join(format!("lounge_color/{k:06}.png")));
+        depth_image(root.path().join(format!("lounge_depth/{k:06}.png")));
     }
     let trajectory = write(&root.path().join("lounge_trajectory.log"), &log(0));
     let json = write(&root.path().join("camera_intrinsic.json"), OPEN3D);
@@ -121,11 +121,11 @@ fn stanford_and_redwood() {
     // Redwood's names are number and time stamp; the time stamps of image and depth differ
     // slightly.
     for k in 1..=FRAMES {
-        picture(
+        image(
             root.path()
                 .join(format!("scan/rgb/{k:07}-{:012}.jpg", 33_369 * (k - 1))),
         );
-        depth_picture(root.path().join(format!(
+        depth_image(root.path().join(format!(
             "scan/depth/{k:07}-{:012}.png",
             33_369 * (k - 1) + 11
         )));
@@ -137,8 +137,8 @@ fn stanford_and_redwood() {
 fn scannet() {
     let root = tempfile::tempdir().unwrap();
     for k in 0..FRAMES {
-        picture(root.path().join(format!("color/{k}.jpg")));
-        depth_picture(root.path().join(format!("depth/{k}.png")));
+        image(root.path().join(format!("color/{k}.jpg")));
+        depth_image(root.path().join(format!("depth/{k}.png")));
         let lost = "-inf -inf -inf -inf\n".repeat(4);
         write(
             &root.path().join(format!("pose/{k}.txt")),
@@ -197,7 +197,7 @@ fn depths_of_a_camera_of_their_own() {
         path("color").display().to_string(),
         path("depth").display().to_string(),
     );
-    let asked = [
+    let requested = [
         "--depth",
         &depths,
         "--intrinsics",
@@ -207,7 +207,7 @@ fn depths_of_a_camera_of_their_own() {
         "--depth-pose",
         &aside,
     ];
-    let project = Project::new(&path("color"), &asked);
+    let project = Project::new(&path("color"), &requested);
 
     // The sensor lay on its side: the stored image is shown rotated by a quarter turn to the right,
     // and so is its depth.
@@ -218,7 +218,13 @@ fn depths_of_a_camera_of_their_own() {
         .write_with_encoder(encoder)
         .unwrap();
     let turned = path("aside").display().to_string();
-    project.done(&[&["add", &project.root(), "--frames", &turned][..], &asked].concat());
+    project.done(
+        &[
+            &["add", &project.root(), "--frames", &turned][..],
+            &requested,
+        ]
+        .concat(),
+    );
 
     let mut session = Session::new();
     perform(&mut session, Command::Open(project.root().into())).unwrap();
@@ -257,7 +263,7 @@ fn depths_of_a_camera_of_their_own() {
         assert_eq!(refused.status.code(), Some(1));
         String::from_utf8_lossy(&refused.stderr).into_owned()
     };
-    assert!(refused(&asked[..4]).contains("--depth-intrinsics"));
+    assert!(refused(&requested[..4]).contains("--depth-intrinsics"));
     assert!(
         refused(&["--depth", &depths, "--depth-intrinsics", &of_depth])
             .contains("--intrinsics, or --cameras")
@@ -272,8 +278,8 @@ fn depths_of_a_camera_of_their_own() {
 fn frames_of_an_azure_kinect_or_realsense_recorder_without_poses() {
     let root = tempfile::tempdir().unwrap();
     for k in 0..FRAMES {
-        picture(root.path().join(format!("color/{k:05}.jpg")));
-        depth_picture(root.path().join(format!("depth/{k:05}.png")));
+        image(root.path().join(format!("color/{k:05}.jpg")));
+        depth_image(root.path().join(format!("depth/{k:05}.png")));
     }
     let json = write(&root.path().join("intrinsic.json"), OPEN3D);
     let depth = root.path().join("depth").display().to_string();

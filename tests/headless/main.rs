@@ -21,15 +21,17 @@ mod architecture;
 #[cfg(test)]
 mod attach;
 #[cfg(test)]
+mod book;
+#[cfg(test)]
 mod command_line;
+#[cfg(test)]
+mod conflicts;
 #[cfg(test)]
 mod constrain_networks;
 #[cfg(test)]
 mod correct;
 #[cfg(test)]
 mod crash;
-#[cfg(test)]
-mod doubt;
 #[cfg(test)]
 mod downloads;
 #[cfg(test)]
@@ -74,3 +76,5 @@ mod thin;
 mod two_processes;
 #[cfg(test)]
 mod untrusted_projects;
+#[cfg(test)]
+mod wording;

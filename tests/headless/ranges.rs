@@ -26,12 +26,12 @@ fn done(words: &str, folder: &Path) {
 fn project(folder: &Path) {
     std::fs::create_dir(folder.join("frames")).unwrap();
     for frame in 0..6u32 {
-        let picture = RgbImage::from_fn(120, 80, |x, y| match (x, y) {
+        let image = RgbImage::from_fn(120, 80, |x, y| match (x, y) {
             (x, 10..40) if (10 + 8 * frame..40 + 8 * frame).contains(&x) => Rgb([200, 40, 40]),
             (80..110, 45..75) => Rgb([40, 60, 200]),
             _ => Rgb([120, 130, 110]),
         });
-        picture
+        image
             .save(folder.join(format!("frames/{frame}.png")))
             .unwrap();
     }

@@ -439,10 +439,10 @@ fn every_result_is_scaled_in_one_step_and_undo_restores_the_bytes() {
     let before = fused.export("before");
     let (files, votes) = (published(&project), votes_of(&project));
     let info = done(&["info", &project, "--json"]);
-    let said = done_with_both(&fused.scale(&["--length", "30", "--unit", "cm"]));
+    let message = done_with_both(&fused.scale(&["--length", "30", "--unit", "cm"]));
     assert!(
-        said.contains("scaled by 0.300000") && !said.contains("warning"),
-        "{said}"
+        message.contains("scaled by 0.300000") && !message.contains("warning"),
+        "{message}"
     );
     let after = fused.export("after");
     assert_all_scaled(&before, &after, 0.3);
@@ -513,8 +513,8 @@ fn work_continues_in_the_new_scale() {
     // The masks only vote again: the points do not change.
     let points = fused.export("points").cloud();
     done(&["masks", &project, "import", &fused.photos.path("masks")]);
-    let said = done_with_both(&["fuse".to_owned(), project.clone()]);
-    assert!(!said.contains("warning"), "{said}");
+    let message = done_with_both(&["fuse".to_owned(), project.clone()]);
+    assert!(!message.contains("warning"), "{message}");
     assert_eq!(fused.export("again").cloud(), points);
     // A frame added now with its given camera gets the position it had among the others.
     let again = Exported {
@@ -580,18 +580,18 @@ fn failed_scaling_is_refused_and_changes_nothing() {
             if let Some(bytes) = bytes {
                 std::fs::write(&damaged, bytes).unwrap();
             }
-            let said = refused_scale(&fused.scale(&["--length", "2"]));
-            assert!(said.contains(says), "{start}: {said}");
+            let message = refused_scale(&fused.scale(&["--length", "2"]));
+            assert!(message.contains(says), "{start}: {message}");
             assert_eq!(info(), before, "{start}");
         }
         std::fs::remove_file(&damaged).unwrap();
         std::fs::write(&damaged, whole).unwrap();
     }
     for length in ["1e-30", "1e30", "1e300"] {
-        let said = refused_scale(&fused.scale(&["--length", length]));
+        let message = refused_scale(&fused.scale(&["--length", length]));
         assert!(
-            said.contains("a million times") || said.contains("is not possible"),
-            "{said}"
+            message.contains("a million times") || message.contains("is not possible"),
+            "{message}"
         );
     }
     for length in ["0", "-1", "nan", "inf"] {
@@ -624,10 +624,10 @@ fn one_damaged_depth_map_does_not_stop_the_scale() {
     let damaged = (0..100).map(map).find(|map| map.exists()).unwrap();
     std::fs::write(&damaged, "cut off").unwrap();
     let before = fused.export("before").translations();
-    let said = done_with_both(&fused.scale(&["--length", "2"]));
+    let message = done_with_both(&fused.scale(&["--length", "2"]));
     assert!(
-        said.contains("1 depth maps cannot be read") && said.contains("2.png"),
-        "{said}"
+        message.contains("1 depth maps cannot be read") && message.contains("2.png"),
+        "{message}"
     );
     let after = fused.export("after").translations();
     assert!(
@@ -660,8 +660,8 @@ fn scale_of_a_depth_sensor_cannot_be_changed() {
     let ends = [
         "--from", "0,20,20", "--from", "3,16,20", "--to", "0,30,20", "--to", "3,26,20",
     ];
-    let said = refused(&[&["scale", &project, "--length", "2"][..], &ends].concat());
-    assert!(said.contains("--depth-unit"), "{said}");
+    let message = refused(&[&["scale", &project, "--length", "2"][..], &ends].concat());
+    assert!(message.contains("--depth-unit"), "{message}");
 }
 
 #[test]
@@ -722,10 +722,10 @@ fn lengths_have_a_unit_only_after_the_scale_is_set() {
             })
     };
     assert_eq!(unit().as_deref(), Some("units"));
-    let said = refused(&["export", &project, "--traits", &csv, "--unit", "mm"]);
+    let message = refused(&["export", &project, "--traits", &csv, "--unit", "mm"]);
     assert!(
-        said.contains("the scale of the cloud is not known") && said.contains("ostra scale"),
-        "{said}"
+        message.contains("the scale of the cloud is not known") && message.contains("ostra scale"),
+        "{message}"
     );
     let mut session = Session::new();
     perform(&mut session, Command::Open(project.clone().into())).unwrap();

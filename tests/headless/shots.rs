@@ -36,9 +36,9 @@ fn every_colouring_gives_the_expected_colour() {
         done(&[
             "shot", &project, &shot, "--color", color, "--size", "200x160",
         ]);
-        let picture = image::open(&shot).unwrap().to_rgb8();
-        assert_eq!(picture.dimensions(), (200, 160));
-        let middle = picture.get_pixel(100, 80).0;
+        let image = image::open(&shot).unwrap().to_rgb8();
+        assert_eq!(image.dimensions(), (200, 160));
+        let middle = image.get_pixel(100, 80).0;
         assert!(
             middle.iter().zip(wanted).all(|(a, b)| a.abs_diff(b) <= 8),
             "{color}: {middle:?}"
@@ -47,16 +47,16 @@ fn every_colouring_gives_the_expected_colour() {
     done(&[
         "shot", &project, &shot, "--color", "height", "--size", "200x160",
     ]);
-    let picture = image::open(&shot).unwrap().to_rgb8();
-    let [above, below] = [55, 105].map(|y| picture.get_pixel(100, y).0);
+    let image = image::open(&shot).unwrap().to_rgb8();
+    let [above, below] = [55, 105].map(|y| image.get_pixel(100, y).0);
     assert!(
         above[0] > below[0] && above[1] > below[1],
         "yellow {above:?} is above violet {below:?}"
     );
-    let said = refused(&[
+    let message = refused(&[
         "shot", &project, &shot, "--color", "views", "--model", "mesh",
     ]);
-    assert!(said.contains("--model cloud"), "{said}");
+    assert!(message.contains("--model cloud"), "{message}");
 }
 
 #[test]
@@ -75,18 +75,15 @@ fn transparent_image_covers_only_drawn_pixels() {
             "--size",
             "400x100",
         ]);
-        let picture = image::open(&shot).unwrap();
-        assert!(picture.color().has_alpha(), "{model}");
-        let picture = picture.to_rgba8();
+        let image = image::open(&shot).unwrap();
+        assert!(image.color().has_alpha(), "{model}");
+        let image = image.to_rgba8();
         assert_eq!(
-            (
-                picture.get_pixel(200, 50).0[3],
-                picture.get_pixel(2, 50).0[3]
-            ),
+            (image.get_pixel(200, 50).0[3], image.get_pixel(2, 50).0[3]),
             (255, 0),
             "{model}"
         );
-        let between = picture
+        let between = image
             .pixels()
             .filter(|pixel| !matches!(pixel.0[3], 0 | 255))
             .count();
@@ -115,17 +112,17 @@ fn turntable<'a>(project: &'a str, shot: &'a str, video: &'a str, size: &'a str)
 fn turntable_video_without_ffmpeg_names_the_missing_program() {
     let recording = Recording::new();
     let project = voted(&recording);
-    let (shot, film) = (recording.path("shot.png"), recording.path("turn.mp4"));
-    let words = turntable(&project, &shot, &film, "161x120");
+    let (shot, video) = (recording.path("shot.png"), recording.path("turn.mp4"));
+    let words = turntable(&project, &shot, &video, "161x120");
     let without = Command::new(env!("CARGO_BIN_EXE_ostra"))
         .args(words)
         .env("PATH", "")
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&without.stderr).into_owned();
+    let message = String::from_utf8_lossy(&without.stderr).into_owned();
     assert!(
-        without.status.code() == Some(1) && said.contains("install ffmpeg"),
-        "{said}"
+        without.status.code() == Some(1) && message.contains("install ffmpeg"),
+        "{message}"
     );
 }
 
@@ -134,13 +131,13 @@ fn turntable_video_without_ffmpeg_names_the_missing_program() {
 fn turntable_video_has_the_requested_images() {
     let recording = Recording::new();
     let project = voted(&recording);
-    let (shot, film) = (recording.path("shot.png"), recording.path("turn.mp4"));
-    let words = turntable(&project, &shot, &film, "161x120");
+    let (shot, video) = (recording.path("shot.png"), recording.path("turn.mp4"));
+    let words = turntable(&project, &shot, &video, "161x120");
     done(&words);
     let count = "-v error -count_frames -select_streams v:0 -show_entries stream=width,height,nb_read_frames -of csv=p=0";
     let probed = Command::new("ffprobe")
         .args(count.split(' '))
-        .arg(&film)
+        .arg(&video)
         .output()
         .unwrap();
     assert_eq!(
@@ -159,7 +156,7 @@ fn truncated_video_is_an_error() {
     use std::os::unix::fs::PermissionsExt;
     let recording = Recording::new();
     let project = voted(&recording);
-    let (shot, film) = (recording.path("shot.png"), recording.path("turn.mp4"));
+    let (shot, video) = (recording.path("shot.png"), recording.path("turn.mp4"));
     let programs = recording.path("programs");
     std::fs::create_dir(&programs).unwrap();
     let path = std::env::var("PATH").unwrap();
@@ -173,17 +170,17 @@ fn truncated_video_is_an_error() {
         PermissionsExt::from_mode(0o755),
     )
     .unwrap();
-    let words = turntable(&project, &shot, &film, "160x120");
+    let words = turntable(&project, &shot, &video, "160x120");
     let output = Command::new(env!("CARGO_BIN_EXE_ostra"))
         .args(words)
         .env("PATH", format!("{programs}:{path}"))
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(
-        output.status.code() == Some(1) && said.contains("of 6 pictures"),
-        "{said}"
+        output.status.code() == Some(1) && message.contains("of 6 images"),
+        "{message}"
     );
-    assert!(!Path::new(&film).exists());
+    assert!(!Path::new(&video).exists());
     done(&words);
 }

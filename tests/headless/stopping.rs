@@ -191,12 +191,12 @@ fn pipe_instead_of_an_image_is_refused() {
             .unwrap()
             .success()
     );
-    let said = refused(&[
+    let message = refused(&[
         "prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24",
     ]);
     assert!(
-        said.contains("1.png") && said.contains("a named pipe"),
-        "{said}"
+        message.contains("1.png") && message.contains("a named pipe"),
+        "{message}"
     );
 }
 
@@ -353,10 +353,10 @@ fn recipes_with_numbers_out_of_range_are_refused() {
     }
     let count = commands.len();
     for command in commands {
-        let said = refused(&["run", &recipe(&recording, &project, &command)]);
+        let message = refused(&["run", &recipe(&recording, &project, &command)]);
         assert!(
-            said.contains("too far outside frame 1 (64x48)"),
-            "{command}: {said}"
+            message.contains("too far outside frame 1 (64x48)"),
+            "{command}: {message}"
         );
     }
     assert_eq!(count, 18);
@@ -377,8 +377,8 @@ fn recipes_with_numbers_out_of_range_are_refused() {
             "99",
         ),
     ] {
-        let said = refused(&["run", &recipe(&recording, &project, &command)]);
-        assert!(said.contains(range), "{command}: {said}");
+        let message = refused(&["run", &recipe(&recording, &project, &command)]);
+        assert!(message.contains(range), "{command}: {message}");
     }
     // A stroke may leave the image.
     let command = json!({ "paint": { "frame": 1, "label": 1, "points_px": [[5.0, 900.0], [30.0, 40.0]],
@@ -390,16 +390,16 @@ fn recipes_with_numbers_out_of_range_are_refused() {
 fn fusion_reports_the_chosen_voxel_size() {
     let recording = Recording::new();
     let project = recording.project();
-    let said = done(&["fuse", &project]);
+    let message = done(&["fuse", &project]);
     // The wall is 2 m away and the focal length is 60 px; all four frames see nearly the same
     // region.
     assert!(
-        said.contains("voxel 0.033 (chosen: a pixel covers 0.033"),
-        "{said}"
+        message.contains("voxel 0.033 (chosen: a pixel covers 0.033"),
+        "{message}"
     );
     assert!(
-        said.contains("a place is seen by 4 frames") && said.contains("surface voxel 0.033"),
-        "{said}"
+        message.contains("a place is seen by 4 frames") && message.contains("surface voxel 0.033"),
+        "{message}"
     );
     let cloud = recording.path("cloud.ply");
     done(&["export", &project, "--cloud", &cloud]);
@@ -407,7 +407,10 @@ fn fusion_reports_the_chosen_voxel_size() {
         .unwrap()
         .cloud
         .len();
-    assert!(said.contains(&format!("fused {points} points")), "{said}");
+    assert!(
+        message.contains(&format!("fused {points} points")),
+        "{message}"
+    );
     let given = done(&["fuse", &project, "--voxel", "0.05"]);
     assert!(
         given.contains("voxel 0.05") && !given.contains("chosen"),

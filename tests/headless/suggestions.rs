@@ -36,7 +36,7 @@ fn box_left(frame: u32) -> u32 {
     90 + 4 * frame
 }
 
-fn picture(frame: u32) -> RgbImage {
+fn image(frame: u32) -> RgbImage {
     RgbImage::from_fn(SIZE.0, SIZE.1, |x, y| {
         let (u, v) = (x.wrapping_sub(box_left(frame)), y.wrapping_sub(80));
         if u < 60 && v < 50 {
@@ -81,7 +81,7 @@ fn independently_moving_object_is_suggested_until_it_is_labelled() {
     let folder = folder.path();
     std::fs::create_dir(folder.join("frames")).unwrap();
     for frame in 0..6 {
-        picture(frame)
+        image(frame)
             .save(folder.join(format!("frames/{frame}.png")))
             .unwrap();
     }
@@ -114,7 +114,7 @@ fn unreadable_frames_are_named_in_one_line() {
     let folder = folder.path();
     std::fs::create_dir(folder.join("frames")).unwrap();
     for frame in 0..6 {
-        picture(frame)
+        image(frame)
             .save(folder.join(format!("frames/{frame}.png")))
             .unwrap();
     }
@@ -137,22 +137,22 @@ fn unreadable_frames_are_named_in_one_line() {
             .unwrap()
     };
     let out = suggest();
-    let said = String::from_utf8_lossy(&out.stderr);
-    let lines: Vec<&str> = said
+    let message = String::from_utf8_lossy(&out.stderr);
+    let lines: Vec<&str> = message
         .lines()
         .filter(|line| line.contains("passed over"))
         .collect();
-    assert!(out.status.success() && lines.len() == 1, "{said}");
+    assert!(out.status.success() && lines.len() == 1, "{message}");
     assert!(
         lines[0].contains("2 frames cannot be read") && lines[0].contains("0.png, 5.png"),
-        "{said}"
+        "{message}"
     );
     std::fs::write(folder.join("frames/2.png"), "").unwrap();
     let out = suggest();
-    let said = String::from_utf8_lossy(&out.stderr);
+    let message = String::from_utf8_lossy(&out.stderr);
     assert!(
-        out.status.code() == Some(1) && said.contains("0.png: the file is empty"),
-        "none is left: {said}"
+        out.status.code() == Some(1) && message.contains("0.png: the file is empty"),
+        "none is left: {message}"
     );
 }
 
@@ -161,20 +161,20 @@ fn proposals_name_the_missing_network() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     std::fs::create_dir(folder.join("frames")).unwrap();
-    picture(0).save(folder.join("frames/0.png")).unwrap();
+    image(0).save(folder.join("frames/0.png")).unwrap();
     ostra("new p --frames frames", folder);
     let program = || Command::new(env!("CARGO_BIN_EXE_ostra"));
-    let asked = ["suggest", "p", "--frame", "0"];
+    let requested = ["suggest", "p", "--frame", "0"];
     // No network is installed in this folder.
     let out = program()
-        .args(asked)
+        .args(requested)
         .current_dir(folder)
         .env("XDG_DATA_HOME", folder)
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&out.stderr);
+    let message = String::from_utf8_lossy(&out.stderr);
     assert!(
-        out.status.code() == Some(1) && said.contains("install Segment Anything"),
-        "{said}"
+        out.status.code() == Some(1) && message.contains("install Segment Anything"),
+        "{message}"
     );
 }

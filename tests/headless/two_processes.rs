@@ -62,13 +62,16 @@ fn only_one_of_several_processes_creates_the_project() {
             .filter(|&number| ended[number].0 == Some(0))
             .collect();
         assert_eq!(made.len(), 1, "round {round}: {ended:?}");
-        for (_, said) in ended.iter().filter(|(code, _)| *code != Some(0)) {
+        for (_, message) in ended.iter().filter(|(code, _)| *code != Some(0)) {
             let is_clear = [
                 "already holds a project",
                 "is not empty",
                 "is open in another",
             ];
-            assert!(is_clear.iter().any(|words| said.contains(words)), "{said}");
+            assert!(
+                is_clear.iter().any(|words| message.contains(words)),
+                "{message}"
+            );
         }
         let info: Value = serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();
         let frames = info["frames"].as_array().unwrap().len();
@@ -102,11 +105,17 @@ fn export_to_a_place_in_use_is_refused_until_the_other_ends() {
     let of_cloud = claim(&recording.path("out"), r#"["c.ply"]"#);
     let of_masks = claim(&masks, r#"[""]"#);
     for overwrite in [&[][..], &["--overwrite"]] {
-        let said = refused(&[&["export", &project, "--cloud", &cloud], overwrite].concat());
-        assert!(said.contains("another export writes here now"), "{said}");
+        let message = refused(&[&["export", &project, "--cloud", &cloud], overwrite].concat());
+        assert!(
+            message.contains("another export writes here now"),
+            "{message}"
+        );
     }
-    let said = refused(&["masks", &project, "export", &masks]);
-    assert!(said.contains("another export writes here now"), "{said}");
+    let message = refused(&["masks", &project, "export", &masks]);
+    assert!(
+        message.contains("another export writes here now"),
+        "{message}"
+    );
     done(&["export", &project, "--mesh", &recording.path("out/m.ply")]);
     drop((of_cloud, of_masks));
     done(&["export", &project, "--cloud", &cloud]);

@@ -647,7 +647,7 @@ fn damaged_masks_and_origins_are_reported_and_kept() {
             "masks/origins.json",
             b"{\"0.png\":".to_vec(),
             "2 keyframes",
-            "2 masks count as anchors",
+            "2 masks count as keyframes",
         ),
         (
             "masks/origins.json",
@@ -707,7 +707,7 @@ fn votes_of_another_cloud_are_refused_until_the_next_fusion() {
         tree: cloud.tree.clone(),
         ..LabelledCloud::from_positions(cloud.positions[9..].to_vec())
     };
-    save_ply(&path, &fewer, Coloring::Picture, &Progress::default()).unwrap();
+    save_ply(&path, &fewer, Coloring::Image, &Progress::default()).unwrap();
     let votes = format!(
         "has votes on {} points, but there are {}",
         cloud.len(),
@@ -979,19 +979,19 @@ fn relocate_points_frames_to_the_same_files_elsewhere() {
         error.contains("it has 32 × 32 pixels") && error.contains("64 × 48"),
         "{error}"
     );
-    let said = done(&[
+    let message = done(&[
         "relocate",
         &project,
         &format!("{}/", recording.path("color")),
         &to("images"),
     ]);
-    assert!(said.contains("4 frames are read from"), "{said}");
+    assert!(message.contains("4 frames are read from"), "{message}");
     assert_eq!(warned(&["fuse", &project, "--voxel", "0.03"]).1, "");
     // One image was deleted during the move; the others are still found.
     fs::rename(to("images"), to("moved")).unwrap();
     fs::remove_file(format!("{}/2.png", to("moved"))).unwrap();
-    let (said, warnings) = warned(&["relocate", &project, &to("images"), &to("moved")]);
-    assert!(said.contains("3 frames are read from"), "{said}");
+    let (message, warnings) = warned(&["relocate", &project, &to("images"), &to("moved")]);
+    assert!(message.contains("3 frames are read from"), "{message}");
     assert!(
         warnings.contains("1 frames stay as they were") && warnings.contains("2.png"),
         "{warnings}"

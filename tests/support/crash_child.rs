@@ -54,16 +54,16 @@ fn opened(root: &Path) -> Session {
 }
 
 fn made(folder: &Path) -> PathBuf {
-    let pictures = folder.join("pictures");
-    std::fs::create_dir(&pictures).unwrap();
+    let images = folder.join("pictures");
+    std::fs::create_dir(&images).unwrap();
     for k in 0..4 {
         image::RgbImage::new(48, 32)
-            .save(pictures.join(format!("{k}.png")))
+            .save(images.join(format!("{k}.png")))
             .unwrap();
     }
     let root = folder.join("project");
     let sources = vec![FrameFolder {
-        frames: pictures,
+        frames: images,
         depth: None,
     }];
     let open = OpenRequest {
@@ -263,7 +263,7 @@ pub fn kill_at_random_moments(kills: u64) {
     let folder = tempfile::tempdir().unwrap();
     let root = made(folder.path());
     let mut random = Pcg64Mcg::seed_from_u64(7);
-    let (mut safe, mut told) = (state(&opened(&root)), 0);
+    let (mut safe, mut reported) = (state(&opened(&root)), 0);
     for _ in 0..kills {
         let until = Duration::from_micros(random.random_range(0..40_000));
         let mut begun = None;
@@ -275,14 +275,14 @@ pub fn kill_at_random_moments(kills: u64) {
                 && until.is_zero()
                 || begun.is_some_and(|begun: Instant| begun.elapsed() >= until)
         });
-        told += lines.len();
+        reported += lines.len();
         safe = last_safe(&lines).unwrap_or(safe);
         check(&root, safe);
         safe = state(&opened(&root));
     }
     assert!(
-        told as u64 > 5 * kills,
-        "the child was at work: {told} lines"
+        reported as u64 > 5 * kills,
+        "the child was at work: {reported} lines"
     );
 }
 

@@ -25,13 +25,13 @@ impl DataSet {
     /// Images and depth maps are cached up to `cache_bytes`.
     pub fn open(
         set: &Path,
-        pictures: &str,
+        images: &str,
         depths: Option<&str>,
         masks: Option<&str>,
         cache_bytes: usize,
     ) -> Self {
         let source = FrameFolder {
-            frames: set.join(pictures),
+            frames: set.join(images),
             depth: depths.map(|folder| set.join(folder)),
         };
         let request = OpenRequest {

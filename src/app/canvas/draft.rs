@@ -18,9 +18,11 @@ pub enum Tool {
     /// Fills a polygon or a freehand outline with the label, or erases inside it.
     Polygon,
     /// Drags a border of the label.
-    Pull,
+    #[serde(alias = "Pull")]
+    Border,
     /// Traces a thin structure through some points.
-    Thin,
+    #[serde(alias = "Thin")]
+    Stem,
 }
 
 impl Tool {
@@ -30,8 +32,8 @@ impl Tool {
         Self::Brush,
         Self::Eraser,
         Self::Polygon,
-        Self::Pull,
-        Self::Thin,
+        Self::Border,
+        Self::Stem,
     ];
 
     /// Returns the name shown in the tool bar.
@@ -42,8 +44,8 @@ impl Tool {
             Self::Brush => "Brush",
             Self::Eraser => "Eraser",
             Self::Polygon => "Polygon",
-            Self::Pull => "Move border",
-            Self::Thin => "Stem & wire",
+            Self::Border => "Move border",
+            Self::Stem => "Stem & wire",
         }
     }
 }

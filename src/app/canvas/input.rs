@@ -4,9 +4,9 @@ use glam::DVec2;
 use super::draft::{Stroke, Tool};
 use super::map::CanvasMap;
 use super::prompts::{
-    box_of, chosen_label, click_at, fill_polygon, hold_border, paint, pull_border, trace_thin,
+    box_of, chosen_label, click_at, fill_polygon, hold_border, move_border, paint, trace_thin,
 };
-use crate::pointer::trail;
+use crate::pointer::pointer_path;
 use crate::{SessionView, ViewState};
 use ostra_session::Command;
 
@@ -27,8 +27,8 @@ pub(super) fn canvas_input(
     match view.tool {
         Tool::Click => click_tool(response, map, session, view, out),
         Tool::Brush | Tool::Eraser => brush_tool(ui, response, map, session, view, out),
-        Tool::Polygon | Tool::Thin => corners_tool(ui, response, map, session, view, out),
-        Tool::Pull => pull_tool(response, map, session, view, out),
+        Tool::Polygon | Tool::Stem => corners_tool(ui, response, map, session, view, out),
+        Tool::Border => border_tool(response, map, session, view, out),
     }
 }
 
@@ -128,7 +128,7 @@ fn brush_tool(
             i.modifiers.command,
         )
     });
-    let places = trail(ui, &BUTTONS);
+    let places = pointer_path(ui, &BUTTONS);
     if pressed.contains(&true) {
         // A previous stroke may have ended within this frame, or without a release event.
         end_stroke(session, view, out);
@@ -181,7 +181,7 @@ fn end_stroke(session: &SessionView<'_>, view: &mut ViewState, out: &mut Vec<Com
 const HOLD_POINTS: f64 = 12.0;
 
 /// Drags a border of the selected label.
-fn pull_tool(
+fn border_tool(
     response: &Response,
     map: &CanvasMap,
     session: &SessionView<'_>,
@@ -194,7 +194,7 @@ fn pull_tool(
     if response.drag_stopped_by(PointerButton::Primary)
         && let (Some(held), Some(to)) = (view.draft.held.take(), position(response, map))
     {
-        pull_border(&held, to, out);
+        move_border(&held, to, out);
     }
 }
 
@@ -233,7 +233,7 @@ fn corners_tool(
         finished |= lasso(ui, response, map, view);
     }
     match (finished, view.tool) {
-        (true, Tool::Thin) => trace_thin(session, view, out),
+        (true, Tool::Stem) => trace_thin(session, view, out),
         (true, _) => fill_polygon(session, view, ui.input(|i| i.modifiers.command), out),
         (false, _) => {}
     }
@@ -253,7 +253,7 @@ fn lasso(ui: &Ui, response: &Response, map: &CanvasMap, view: &mut ViewState) ->
     let Some(line) = &mut view.draft.lasso else {
         return false;
     };
-    for at in trail(ui, &[PointerButton::Primary])
+    for at in pointer_path(ui, &[PointerButton::Primary])
         .into_iter()
         .map(|at| map.clamped(map.to_px(at)))
     {

@@ -95,7 +95,7 @@ impl CanvasMap {
 
     /// Returns the screen rectangle of the whole image.
     #[must_use]
-    pub fn picture_rect(&self) -> Rect {
+    pub fn image_rect(&self) -> Rect {
         let size = DVec2::new(f64::from(self.size_px[0]), f64::from(self.size_px[1]));
         Rect::from_two_pos(self.to_screen(DVec2::ZERO), self.to_screen(size))
     }
@@ -132,8 +132,8 @@ mod tests {
     #[test]
     fn fit_centres_the_whole_image() {
         let map = ZoomState::default().map(PANE, [640, 480]);
-        assert!(PANE.contains_rect(map.picture_rect()));
-        assert_eq!(map.picture_rect().center(), PANE.center());
+        assert!(PANE.contains_rect(map.image_rect()));
+        assert_eq!(map.image_rect().center(), PANE.center());
     }
 
     #[test]

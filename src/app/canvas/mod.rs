@@ -1,14 +1,14 @@
 //! Image pane: zoom and pan, mask overlay, and the tools for prompts and painting.
 
 mod draft;
+mod image_pane;
 mod input;
 mod map;
 mod paint;
-mod picture_pane;
 mod prompts;
 mod toolbar;
 
 pub use draft::{Draft, Tool};
+pub(super) use image_pane::image_pane_ui;
 pub use map::{CanvasMap, ZoomState};
-pub(super) use picture_pane::picture_pane_ui;
 pub(super) use prompts::{clear_label, click_at, id_at};

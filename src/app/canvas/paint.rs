@@ -14,7 +14,7 @@ const UV: Rect = Rect {
 
 /// Draws an image or mask texture over the image's rectangle.
 pub(super) fn texture(painter: &Painter, map: &CanvasMap, id: TextureId) {
-    painter.image(id, map.picture_rect(), UV, Color32::WHITE);
+    painter.image(id, map.image_rect(), UV, Color32::WHITE);
 }
 
 /// Draws the prompts of all labels and the drawing in progress.

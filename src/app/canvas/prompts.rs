@@ -4,7 +4,7 @@ use glam::DVec2;
 
 use crate::{SessionView, ViewState};
 use ostra_masks::{Click, ElasticBorders, LabelId, Prompt, PxBox, RunMask};
-use ostra_session::{Command, PaintRequest, PromptRequest, PullRequest, TraceRequest};
+use ostra_session::{Command, MoveBorderRequest, PaintRequest, PromptRequest, TraceRequest};
 
 use super::draft::{HeldBorder, Stroke};
 
@@ -158,7 +158,7 @@ fn held_border(
 }
 
 /// Moves the grabbed border to the pointer.
-pub(super) fn pull_border(held: &HeldBorder, pointer_px: DVec2, out: &mut Vec<Command>) {
+pub(super) fn move_border(held: &HeldBorder, pointer_px: DVec2, out: &mut Vec<Command>) {
     let HeldBorder {
         frame,
         label,
@@ -166,7 +166,7 @@ pub(super) fn pull_border(held: &HeldBorder, pointer_px: DVec2, out: &mut Vec<Co
         ..
     } = *held;
     if let Some(to_px) = held.to_px(pointer_px) {
-        out.push(Command::Pull(PullRequest {
+        out.push(Command::MoveBorder(MoveBorderRequest {
             frame,
             label,
             from_px,

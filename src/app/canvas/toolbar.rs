@@ -2,7 +2,7 @@ use egui::{Checkbox, ComboBox, Slider, TextWrapMode, Ui};
 
 use super::draft::Tool;
 use crate::menu::is_possible;
-use crate::tips::{action_button, together};
+use crate::tooltips::{action_button, together};
 use crate::{Action, SessionView, ViewState};
 use ostra_view::Layer;
 
@@ -22,7 +22,7 @@ pub(super) fn toolbar_ui(
         zoom_ui(ui, view, zoom_percent, actions);
         ui.add_space(8.0);
         layer_ui(ui, view);
-        mask_look_ui(ui, view);
+        mask_appearance_ui(ui, view);
     });
 }
 
@@ -103,7 +103,7 @@ fn zoom_ui(ui: &mut Ui, view: &ViewState, zoom_percent: f32, actions: &mut Vec<A
         .on_hover_text("Zoom: wheel over the image; middle drag or Space+drag moves it");
 }
 
-fn mask_look_ui(ui: &mut Ui, view: &mut ViewState) {
+fn mask_appearance_ui(ui: &mut Ui, view: &mut ViewState) {
     let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::ToggleMasks);
     together(ui, 150.0, |ui| {
         ui.checkbox(&mut view.masks_shown, "Masks")

@@ -3,7 +3,7 @@ use egui::{DragValue, Ui};
 use super::export_form::{Available, ExportForm, mask_format_ui};
 use super::picker::{Pick, PickTarget, path_field_ui};
 use crate::panels::{ground_ui, unit_ui};
-use crate::tips::{modal, section_heading};
+use crate::tooltips::{modal, section_heading};
 use crate::{SessionView, ViewState};
 use ostra_cloud::formats::{CloudFormat, MeshFormat, VoxelFormat};
 use ostra_frames::cameras::ModelEncoding;

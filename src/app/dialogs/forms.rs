@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::picker::typed_path;
 use crate::Action;
 use ostra_frames::cameras::{DepthCameraSource, IntrinsicsSource};
-use ostra_frames::{DepthSource, Frame, FrameFolder, OpenRequest, PictureSource};
+use ostra_frames::{DepthSource, Frame, FrameFolder, ImageSource, OpenRequest};
 use ostra_session::{Command, NewProject};
 
 /// Source of frames, as typed.
@@ -130,7 +130,7 @@ impl NewProjectForm {
         })
     }
 
-    pub(super) fn tells_of_depth(&self) -> bool {
+    pub(super) fn describes_depth(&self) -> bool {
         self.sources
             .iter()
             .any(|source| !source.depth.trim().is_empty())
@@ -163,17 +163,17 @@ fn intrinsics(text: &str) -> Result<Option<IntrinsicsSource>, String> {
 
 /// State of the dialog that saves the 3-D view.
 #[derive(Debug, Clone, PartialEq)]
-pub struct PictureForm {
+pub struct ImageForm {
     pub(super) path: String,
     pub(super) size: (u32, u32),
     pub(super) transparent: bool,
     pub(super) overwrite: bool,
-    pub(super) is_film: bool,
+    pub(super) is_video: bool,
     pub(super) seconds: f32,
     pub(super) fps: u32,
 }
 
-impl Default for PictureForm {
+impl Default for ImageForm {
     fn default() -> Self {
         let size = (1920, 1080);
         Self {
@@ -181,14 +181,14 @@ impl Default for PictureForm {
             size,
             transparent: false,
             overwrite: false,
-            is_film: false,
+            is_video: false,
             seconds: 12.0,
             fps: 30,
         }
     }
 }
 
-impl PictureForm {
+impl ImageForm {
     /// Largest width or height, in pixels.
     pub(super) const MOST: u32 = 8192;
 
@@ -201,7 +201,7 @@ impl PictureForm {
         else {
             return;
         };
-        let other = match self.is_film {
+        let other = match self.is_video {
             true => (ending == "png").then_some("mp4"),
             false => ["mp4", "mkv", "webm"]
                 .contains(&ending.as_str())
@@ -219,14 +219,14 @@ impl PictureForm {
     pub(super) fn request(&self) -> Option<ScreenshotRequest> {
         let mut path = typed_path(&self.path)?;
         if path.extension().is_none() {
-            path.set_extension(if self.is_film { "mp4" } else { "png" });
+            path.set_extension(if self.is_video { "mp4" } else { "png" });
         }
         let is_png = |path: &Path| {
             path.extension()
                 .is_some_and(|ending| ending.eq_ignore_ascii_case("png"))
         };
         let count = (self.seconds * self.fps as f32).round().max(1.0) as usize;
-        let take = match self.is_film {
+        let take = match self.is_video {
             true => Take::Turntable {
                 count,
                 fps: self.fps,
@@ -235,7 +235,7 @@ impl PictureForm {
                 transparent: self.transparent,
             },
         };
-        (self.is_film != is_png(&path)).then_some(ScreenshotRequest {
+        (self.is_video != is_png(&path)).then_some(ScreenshotRequest {
             path,
             size: self.size,
             overwrite: self.overwrite,
@@ -305,16 +305,16 @@ impl RelocateForm {
 }
 
 fn folders(frame: &Frame) -> impl Iterator<Item = PathBuf> {
-    let picture = match &frame.picture {
-        PictureSource::File { path, .. } => path.parent(),
-        PictureSource::Film { path, .. } => Some(path.as_path()),
+    let image = match &frame.image {
+        ImageSource::File { path, .. } => path.parent(),
+        ImageSource::Video { path, .. } => Some(path.as_path()),
     };
     let depth = frame
         .depth
         .as_ref()
         .and_then(DepthSource::sensor_path)
         .and_then(Path::parent);
-    picture.into_iter().chain(depth).map(Path::to_owned)
+    image.into_iter().chain(depth).map(Path::to_owned)
 }
 
 /// Returns the common prefix of two paths.
@@ -406,7 +406,7 @@ mod tests {
             name: path.into(),
             width: 4,
             height: 3,
-            picture: PictureSource::File {
+            image: ImageSource::File {
                 path: path.into(),
                 orientation: Default::default(),
             },
@@ -437,10 +437,10 @@ mod tests {
 
     #[test]
     fn missing_extension_is_added_and_wrong_one_rejected() {
-        let mut form = PictureForm {
+        let mut form = ImageForm {
             path: " /out/plant ".into(),
             transparent: true,
-            ..PictureForm::default()
+            ..ImageForm::default()
         };
         let request = form.request().unwrap();
         assert_eq!(
@@ -449,7 +449,7 @@ mod tests {
         );
         form.path = "/out/plant.jpg".into();
         assert_eq!(form.request(), None);
-        (form.is_film, form.seconds, form.fps) = (true, 2.0, 25);
+        (form.is_video, form.seconds, form.fps) = (true, 2.0, 25);
         form.path = "/out/plant".into();
         let request = form.request().unwrap();
         assert_eq!(

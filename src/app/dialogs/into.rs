@@ -1,7 +1,7 @@
 use egui::{Key, Ui};
 
 use crate::panels::listed;
-use crate::tips::modal;
+use crate::tooltips::modal;
 use crate::view_state::IntoRequest;
 use crate::{SessionView, ViewState};
 use ostra_masks::LabelId;

@@ -8,13 +8,13 @@ mod models;
 mod new_project;
 mod path;
 mod picker;
-mod picture;
+mod scene_image;
 mod sheet;
 
 pub(super) use export::export_ui;
 pub use export_form::ExportForm;
 pub use forms::{
-    ModelsForm, NewProjectForm, PictureForm, RelocateForm, ScreenshotRequest, SheetState, Take,
+    ImageForm, ModelsForm, NewProjectForm, RelocateForm, ScreenshotRequest, SheetState, Take,
 };
 pub(super) use into::into_ui;
 pub(super) use models::models_ui;
@@ -22,5 +22,5 @@ pub(super) use new_project::new_project_ui;
 pub(super) use path::{path_ui, relocate_ui, take_picked};
 pub use picker::{PathPicker, PathRequest};
 pub(super) use picker::{Pick, PickTarget, path_field_ui, typed_path};
-pub(super) use picture::picture_ui;
+pub(super) use scene_image::image_ui;
 pub(super) use sheet::{palette_ui, sheet_ui};

@@ -5,7 +5,7 @@ use egui::{Button, ComboBox, ProgressBar, ScrollArea, Ui};
 use super::forms::ModelsForm;
 use super::picker::{Pick, PickTarget, path_field_ui, typed_path};
 use crate::panels::progress_text;
-use crate::tips::modal;
+use crate::tooltips::modal;
 use crate::{SessionView, ViewState};
 use ostra_compute::nn::{Provider, Row};
 use ostra_session::{Command, JobView, ModelRequest, ModelTask};

@@ -2,7 +2,7 @@ use egui::{DragValue, Grid, TextEdit, Ui};
 
 use super::forms::{NewProjectForm, SourceForm};
 use super::picker::{PathPicker, Pick, PickTarget, path_field_ui};
-use crate::tips::{field, icon_button, modal, section_heading};
+use crate::tooltips::{field, icon_button, modal, section_heading};
 use crate::{Dialog, ViewState};
 use ostra_session::Command;
 
@@ -38,7 +38,7 @@ pub(crate) fn new_project_ui(
 fn form_ui(ui: &mut Ui, view: &mut ViewState, new: bool) {
     let (form, picker) = (&mut view.new_project, &mut view.picker);
     sources_ui(ui, picker, &mut form.sources);
-    if form.tells_of_depth() {
+    if form.describes_depth() {
         depth_ui(ui, picker, form);
     }
     ui.label("Cameras").on_hover_text(
@@ -102,7 +102,7 @@ fn depth_ui(ui: &mut Ui, picker: &mut PathPicker, form: &mut NewProjectForm) {
         },
     );
     let tip = "fx, fy, cx, cy of the camera that measured the depths, in their pixels; empty where depths lie on the \
-               pictures, pixel for pixel";
+               images, pixel for pixel";
     intrinsics_ui(
         ui,
         ("Depth camera", tip),

@@ -5,7 +5,7 @@ use egui::{Context, Grid, Key, Ui};
 use super::export_form::{mask_format_name, mask_format_ui};
 use super::picker::{PathRequest, Pick, PickTarget, path_field_ui, typed_path};
 use crate::ViewState;
-use crate::tips::{field, modal};
+use crate::tooltips::{field, modal};
 use ostra_project::ExportRequest;
 use ostra_session::{Command, MeasureSettings};
 
@@ -208,7 +208,7 @@ pub(crate) fn take_picked(ctx: &Context, view: &mut ViewState) {
         PickTarget::MovedFrom => view.relocate.from = text,
         PickTarget::MovedTo => view.relocate.to = text,
         PickTarget::Network => view.models.path = text,
-        PickTarget::Picture => view.picture.path = text,
+        PickTarget::Image => view.image.path = text,
         PickTarget::Path(_) => view.path_text = text,
     }
 }

@@ -11,7 +11,7 @@ use egui::{Context, TextEdit, Ui};
 /// The path is taken when the answer arrives. On systems without a chooser, paths are typed.
 #[derive(Default)]
 pub struct PathPicker {
-    asked: Option<(PickTarget, Answer)>,
+    inspected_point: Option<(PickTarget, Answer)>,
 }
 
 type Answer = Pin<Box<dyn Future<Output = Option<PathBuf>>>>;
@@ -40,7 +40,7 @@ pub(crate) enum PickTarget {
     /// Files of a network.
     Network,
     /// Image or video of the 3-D view.
-    Picture,
+    Image,
     /// Path of a dialog with a single path field.
     Path(PathRequest),
 }
@@ -74,12 +74,12 @@ impl PathPicker {
                 Box::pin(async { dialog.save_file().await.map(|file| file.path().to_owned()) })
             }
         };
-        self.asked = Some((target, answer));
+        self.inspected_point = Some((target, answer));
     }
 
     /// Returns the chosen path, once. The window is repainted when the answer arrives.
     pub(super) fn poll(&mut self, ctx: &Context) -> Option<(PickTarget, PathBuf)> {
-        let (target, answer) = self.asked.as_mut()?;
+        let (target, answer) = self.inspected_point.as_mut()?;
         let target = *target;
         let waker = Waker::from(Arc::new(Repaint(ctx.clone())));
         match answer
@@ -88,7 +88,7 @@ impl PathPicker {
         {
             Poll::Pending => None,
             Poll::Ready(path) => {
-                self.asked = None;
+                self.inspected_point = None;
                 path.map(|path| (target, path))
             }
         }

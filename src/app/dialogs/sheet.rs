@@ -2,7 +2,7 @@ use egui::{Button, Context, Event, Grid, Key, RichText, ScrollArea, TextEdit, Ui
 
 use crate::menu::{is_possible, text_now};
 use crate::shortcuts::pressed_keys;
-use crate::tips::modal;
+use crate::tooltips::modal;
 use crate::{Action, MenuName, SessionView, ViewState};
 
 const POINTER: [(&str, &str); 12] = [
@@ -206,17 +206,17 @@ pub(crate) fn palette_ui(
 
 /// Returns actions that contain every typed word, possible ones first.
 fn matching(typed: &str, session: &SessionView<'_>, view: &ViewState) -> Vec<Action> {
-    let words: Vec<String> = typed.split_whitespace().map(str::to_lowercase).collect();
+    let text_prompt: Vec<String> = typed.split_whitespace().map(str::to_lowercase).collect();
     let fits = |action: &Action| {
         let text = format!("{} {}", action.text(), action.tip()).to_lowercase();
-        words.iter().all(|word| text.contains(word))
+        text_prompt.iter().all(|word| text.contains(word))
     };
     let mut found: Vec<_> = Action::all()
         .filter(fits)
         .filter(|action| *action != Action::Palette)
         .collect();
     let in_text = |action: &Action| {
-        words
+        text_prompt
             .iter()
             .all(|word| action.text().to_lowercase().contains(word))
     };

@@ -18,7 +18,7 @@ const UV: Rect = Rect {
 enum FrameState {
     None,
     Tracked,
-    Anchor,
+    Keyframe,
     Stale,
 }
 
@@ -98,7 +98,7 @@ fn tile_ui(
     let name = format!("Frame {frame}, {}", state.text());
     response.widget_info(|| WidgetInfo::selected(Role::Button, true, shown, &name));
     background(ui, &response, rect, shown);
-    picture(ui, rect, session, textures, frame);
+    image(ui, rect, session, textures, frame);
     caption(ui, rect, frame, state, shown);
     label_marks(ui, rect, session, view, frame);
     response.on_hover_ui(|ui| tooltip_ui(ui, session, mask, frame, state))
@@ -122,12 +122,9 @@ fn background(ui: &Ui, response: &Response, rect: Rect, shown: bool) {
     }
 }
 
-fn picture(ui: &Ui, rect: Rect, session: &SessionView<'_>, textures: &mut Textures, frame: usize) {
+fn image(ui: &Ui, rect: Rect, session: &SessionView<'_>, textures: &mut Textures, frame: usize) {
     let place = Rect::from_min_max(rect.min + Vec2::splat(4.0), rect.max - Vec2::new(4.0, 20.0));
-    let Some(image) = session
-        .pictures
-        .and_then(|pictures| pictures.thumbnail(frame))
-    else {
+    let Some(image) = session.images.and_then(|images| images.thumbnail(frame)) else {
         ui.painter()
             .rect_filled(place, 2.0, ui.visuals().extreme_bg_color);
         return;
@@ -172,7 +169,7 @@ fn badge(ui: &Ui, at: Pos2, state: FrameState) {
     match state {
         FrameState::None => ui.painter().circle_stroke(at, 3.2, Stroke::new(1.2, color)),
         FrameState::Tracked => ui.painter().circle_filled(at, 3.8, color),
-        FrameState::Anchor => {
+        FrameState::Keyframe => {
             ui.painter()
                 .add(corners(&[(0.0, -5.2), (5.2, 0.0), (0.0, 5.2), (-5.2, 0.0)]))
         }
@@ -220,13 +217,13 @@ fn tooltip_ui(
         has(shown.posed_camera().is_some())
     ));
     ui.label(format!("Mask: {}", state.text()));
-    for (label, sure) in mask.iter().flat_map(|mask| &mask.confidence) {
+    for (label, confidence) in mask.iter().flat_map(|mask| &mask.confidence) {
         let name = session
             .project
             .labels
             .get(*label)
             .map_or("?", |label| label.name.as_str());
-        ui.label(format!("{name}: {:.0} % confidence", sure * 100.0));
+        ui.label(format!("{name}: {:.0} % confidence", confidence * 100.0));
     }
 }
 
@@ -234,7 +231,7 @@ fn state_of(mask: Option<&FrameMask>) -> FrameState {
     match mask {
         None => FrameState::None,
         Some(mask) if mask.stale => FrameState::Stale,
-        Some(mask) if mask.origin == MaskOrigin::Anchor => FrameState::Anchor,
+        Some(mask) if mask.origin == MaskOrigin::Keyframe => FrameState::Keyframe,
         Some(_) => FrameState::Tracked,
     }
 }
@@ -244,7 +241,7 @@ impl FrameState {
         match self {
             Self::None => "no mask",
             Self::Tracked => "tracked",
-            Self::Anchor => "keyframe",
+            Self::Keyframe => "keyframe",
             Self::Stale => "stale",
         }
     }
@@ -253,7 +250,7 @@ impl FrameState {
         match self {
             Self::None => ui.visuals().weak_text_color(),
             Self::Tracked => Color32::from_rgb(90, 160, 240),
-            Self::Anchor => Color32::from_rgb(80, 190, 110),
+            Self::Keyframe => Color32::from_rgb(80, 190, 110),
             Self::Stale => ui.visuals().warn_fg_color,
         }
     }

@@ -3,7 +3,7 @@ use ostra_session::JobTask;
 
 use super::jobs::{progress_text, run_button_ui};
 use crate::dialogs::{Pick, PickTarget, path_field_ui};
-use crate::tips::{field, grouped, section_heading};
+use crate::tooltips::{field, grouped, section_heading};
 use crate::{Action, SessionView, ViewState};
 use ostra_project::ResultKind;
 use ostra_session::Command;

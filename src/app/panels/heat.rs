@@ -121,21 +121,21 @@ pub(super) fn mark(ui: &Ui, columns: &Columns, frame: usize, color: Color32) {
 }
 
 /// Returns the colour of a confidence: dark and cool at 1, amber at 0.5, red at 0.
-pub(super) fn heat(sure: f32) -> Color32 {
+pub(super) fn heat(confidence: f32) -> Color32 {
     const STOPS: [(f32, [f32; 3]); 4] = [
         (0.0, [235.0, 60.0, 50.0]),
         (0.5, [240.0, 170.0, 50.0]),
         (0.8, [110.0, 140.0, 120.0]),
         (1.0, [52.0, 92.0, 104.0]),
     ];
-    let sure = sure.clamp(0.0, 1.0);
+    let confidence = confidence.clamp(0.0, 1.0);
     let after = STOPS
         .iter()
-        .position(|stop| stop.0 >= sure)
+        .position(|stop| stop.0 >= confidence)
         .unwrap_or(STOPS.len() - 1)
         .max(1);
     let ((from, a), (to, b)) = (STOPS[after - 1], STOPS[after]);
-    let share = (sure - from) / (to - from);
+    let share = (confidence - from) / (to - from);
     let [r, g, b] = [0, 1, 2].map(|k| lerp(a[k]..=b[k], share) as u8);
     Color32::from_rgb(r, g, b)
 }
@@ -146,25 +146,27 @@ fn worst(
     view: &ViewState,
     frames: Range<usize>,
 ) -> Option<Color32> {
-    let mut anchor = None;
+    let mut keyframe = None;
     let mut least: Option<f32> = None;
     for (&frame, mask) in session.project.masks.range(frames) {
         match sureness(session, view, frame, mask) {
-            Some(sure) => least = Some(least.map_or(sure, |least| least.min(sure))),
-            None => anchor = Some(Color32::from_rgb(80, 190, 110)),
+            Some(confidence) => {
+                least = Some(least.map_or(confidence, |least| least.min(confidence)));
+            }
+            None => keyframe = Some(Color32::from_rgb(80, 190, 110)),
         }
     }
-    let stale = |sure: f32| {
-        if sure < 0.0 {
+    let stale = |confidence: f32| {
+        if confidence < 0.0 {
             ui.visuals().warn_fg_color
         } else {
-            heat(sure)
+            heat(confidence)
         }
     };
     least
-        .filter(|&sure| sure < view.prefs.doubt_below)
+        .filter(|&confidence| confidence < view.prefs.flag_below)
         .map(stale)
-        .or(anchor)
+        .or(keyframe)
         .or(least.map(stale))
 }
 
@@ -177,12 +179,11 @@ fn sureness(
     frame: usize,
     mask: &FrameMask,
 ) -> Option<f32> {
-    let by_vote = session
-        .doubts
-        .get(&frame)
-        .map_or(1.0, |doubt| (1.0 - doubt.share() / WORST_SHARE).max(0.0));
-    if mask.origin == MaskOrigin::Anchor {
-        return Some(by_vote).filter(|&sure| sure < view.prefs.doubt_below);
+    let by_vote = session.conflicts.get(&frame).map_or(1.0, |conflict| {
+        (1.0 - conflict.share() / WORST_SHARE).max(0.0)
+    });
+    if mask.origin == MaskOrigin::Keyframe {
+        return Some(by_vote).filter(|&confidence| confidence < view.prefs.flag_below);
     }
     let least = mask.confidence.values().copied().fold(by_vote, f32::min);
     let lost = lost_on(session.project, view, frame).next().is_some();
@@ -197,10 +198,10 @@ fn sureness(
 
 fn tip_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState, frame: usize) {
     ui.strong(format!("Frame {frame}"));
-    if let Some(doubt) = session.doubts.get(&frame) {
+    if let Some(conflict) = session.conflicts.get(&frame) {
         ui.label(format!(
             "{:.1} % in conflict with the 3-D vote",
-            100.0 * doubt.share()
+            100.0 * conflict.share()
         ));
     }
     let name = |label: LabelId| {
@@ -212,13 +213,17 @@ fn tip_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState, frame: usize
     };
     match session.project.masks.get(&frame) {
         None => drop(ui.weak("no mask")),
-        Some(mask) if mask.origin == MaskOrigin::Anchor => drop(ui.label("keyframe")),
+        Some(mask) if mask.origin == MaskOrigin::Keyframe => drop(ui.label("keyframe")),
         Some(mask) => {
             if mask.stale {
                 ui.colored_label(ui.visuals().warn_fg_color, "stale");
             }
-            for (&label, sure) in &mask.confidence {
-                ui.label(format!("{}: {:.0} % confidence", name(label), sure * 100.0));
+            for (&label, confidence) in &mask.confidence {
+                ui.label(format!(
+                    "{}: {:.0} % confidence",
+                    name(label),
+                    confidence * 100.0
+                ));
             }
             for label in lost_on(session.project, view, frame) {
                 ui.colored_label(ui.visuals().warn_fg_color, format!("{}: lost", name(label)));

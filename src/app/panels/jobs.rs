@@ -2,7 +2,7 @@ use egui::{ProgressBar, RichText, Ui};
 use ostra_session::JobTask;
 
 use crate::canvas::id_at;
-use crate::tips::{action_button, grouped};
+use crate::tooltips::{action_button, grouped};
 use crate::{Action, SessionView, ViewState};
 use ostra_masks::LabelId;
 use ostra_session::JobView;

@@ -1,7 +1,7 @@
 use egui::{Color32, Response, RichText, Role, Sense, Ui, WidgetInfo};
 
 use super::label_edit::{drag_ui, label_menu_ui, listed, new_label_ui, rename_ui, top_level_ui};
-use crate::tips::{grouped, icon_button, section_heading};
+use crate::tooltips::{grouped, icon_button, section_heading};
 use crate::{SessionView, ViewState};
 use ostra_masks::{Label, LabelId};
 use ostra_session::Command;

@@ -100,7 +100,7 @@ fn pair_ui(
     let places = places(rect, session, view.frame);
     let shown = [view.frame, other];
     let fitted: [Rect; 2] =
-        std::array::from_fn(|i| picture_ui(ui, session, textures, i, shown[i], places[i]));
+        std::array::from_fn(|i| image_ui(ui, session, textures, i, shown[i], places[i]));
     let at = |i: usize, at_px: DVec2| {
         let frame = &session.project.frames[shown[i]];
         let share = Vec2::new(
@@ -159,12 +159,12 @@ fn places(rect: Rect, session: &SessionView<'_>, frame: usize) -> [Rect; 2] {
     let known = &session.project.frames[frame];
     let size = Vec2::new(known.width as f32, known.height as f32);
     let scale = |place: Vec2| (place.x / size.x).min(place.y / size.y);
-    let beside = Vec2::new((rect.width() - 6.0) / 2.0, rect.height());
+    let adjacent = Vec2::new((rect.width() - 6.0) / 2.0, rect.height());
     let over = Vec2::new(rect.width(), (rect.height() - 6.0) / 2.0);
-    let place = if scale(over) > scale(beside) {
+    let place = if scale(over) > scale(adjacent) {
         over
     } else {
-        beside
+        adjacent
     };
     [
         Rect::from_min_size(rect.min, place),
@@ -194,7 +194,7 @@ fn other_ui(ui: &mut Ui, view: &mut ViewState, partners: &[(usize, String)], oth
 }
 
 /// Draws a frame's image into a rectangle and returns the area that it covers.
-fn picture_ui(
+fn image_ui(
     ui: &Ui,
     session: &SessionView<'_>,
     textures: &mut Textures,
@@ -206,10 +206,7 @@ fn picture_ui(
     let size = Vec2::new(known.width as f32, known.height as f32);
     let scale = (place.width() / size.x).min(place.height() / size.y);
     let fitted = Rect::from_center_size(place.center(), size * scale);
-    match session
-        .pictures
-        .and_then(|pictures| pictures.picture(frame))
-    {
+    match session.images.and_then(|images| images.image(frame)) {
         Some(image) => {
             let texture = textures.of_pair(ui.ctx(), i, &image);
             ui.painter()
@@ -231,7 +228,7 @@ fn error_color(error_px: f64) -> Color32 {
 }
 
 /// Median error in pixels above which a frame is highlighted.
-const DOUBTFUL_PX: f64 = 1.0;
+const UNCERTAIN_PX: f64 = 1.0;
 
 /// Draws a row per frame with its accuracy, or the reason why it has no camera.
 ///
@@ -277,9 +274,9 @@ fn row_ui(
             .map_or("", |frame| frame.name.as_str())
     };
     let (text, color) = summary(ui, outcome);
-    let told = egui::RichText::new(text).color(color);
+    let reported = egui::RichText::new(text).color(color);
     let row = Button::selectable(view.frame == frame, format!("{frame}  {}", name(frame)))
-        .right_text(told);
+        .right_text(reported);
     let row = ui.add_sized([ui.available_width(), ui.spacing().interact_size.y], row);
     if row
         .on_hover_text(format!("{}: {}", name(frame), outcome.text(name)))
@@ -294,7 +291,7 @@ fn summary(ui: &Ui, outcome: &Outcome) -> (String, Color32) {
     let visuals = ui.visuals();
     match outcome {
         Outcome::Placed { points, error_px } => {
-            let color = if *error_px > DOUBTFUL_PX {
+            let color = if *error_px > UNCERTAIN_PX {
                 visuals.warn_fg_color
             } else {
                 visuals.weak_text_color()

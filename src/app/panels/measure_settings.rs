@@ -84,7 +84,7 @@ fn value_ui(ui: &mut Ui, session: &SessionView<'_>, pair: Option<[LabelId; 2]>) 
         return;
     };
     match session.angles.and_then(|angles| angles.get(&pair)) {
-        Some(Ok(rows)) => told_ui(ui, session, rows),
+        Some(Ok(rows)) => measured_ui(ui, session, rows),
         Some(Err(why)) => {
             ui.weak(why);
         }
@@ -101,7 +101,7 @@ fn value_ui(ui: &mut Ui, session: &SessionView<'_>, pair: Option<[LabelId; 2]>) 
 }
 
 /// Shows the angle of the largest part, and the angles of all parts in the tooltip.
-fn told_ui(ui: &mut Ui, session: &SessionView<'_>, rows: &[TraitRow]) {
+fn measured_ui(ui: &mut Ui, session: &SessionView<'_>, rows: &[TraitRow]) {
     let Some(first) = rows.first() else { return };
     let text = |row: &TraitRow| session.unit.text(row.value, row.dimension);
     let mut tip = format!(

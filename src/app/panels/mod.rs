@@ -1,10 +1,10 @@
 //! Panels around the image and the 3-D view, one function per section.
 
-mod asked;
-mod doubt;
+mod conflicts;
 mod filmstrip;
 mod fuse;
 mod heat;
+mod inspector;
 mod jobs;
 mod label_edit;
 mod labels;
@@ -26,7 +26,7 @@ mod timeline;
 mod track;
 mod welcome;
 
-pub(super) use doubt::{doubt_ui, next_worst};
+pub(super) use conflicts::{conflicts_ui, next_worst};
 pub(super) use filmstrip::filmstrip_ui;
 pub(super) use fuse::{fuse_ui, instances_ui, results_ui};
 pub(super) use heat::{HEAT_HEIGHT, heat_ui};
@@ -41,8 +41,8 @@ pub(super) use reconstruct::{pairs_in, reconstruct_ui};
 pub(super) use scene_pane::ScenePane;
 pub(super) use scene_select::has_chosen;
 pub(super) use scene_tools::Ruler;
-pub use scene_tools::{Asked, SceneSelect, SelectShape};
-pub(super) use suggestions::{is_explained, offered, suggestions_ui, words_ui};
+pub use scene_tools::{InspectedPoint, SceneSelect, SelectShape};
+pub(super) use suggestions::{is_explained, offered, suggestions_ui, text_prompt_ui};
 pub(super) use timeline::timeline_ui;
 pub(super) use track::{segmenter_ui, track_ui};
 pub(super) use welcome::welcome_ui;

@@ -4,7 +4,7 @@ use ostra_session::JobTask;
 
 use super::jobs::{progress_text, run_button_ui};
 use super::track::engine_choice_ui;
-use crate::tips::{action_button, field};
+use crate::tooltips::{action_button, field};
 use crate::{Action, SessionView, ViewState};
 use ostra_project::ReconstructMethod;
 use ostra_session::EngineKind;

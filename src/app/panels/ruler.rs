@@ -2,7 +2,7 @@ use egui::{ComboBox, DragValue, Key, Ui};
 
 use super::measure_settings::unit_ui;
 use super::scene_tools::{Ruler, RulerKind};
-use crate::tips::action_button;
+use crate::tooltips::action_button;
 use crate::{Action, SessionView, ViewState};
 use ostra_cloud::measure::{Dimension, LengthUnit};
 

@@ -2,9 +2,9 @@ use egui::containers::menu::{MenuButton, MenuConfig};
 use egui::{ComboBox, DragValue, PopupCloseBehavior, Slider, Ui};
 
 use super::ruler::ruler_ui;
-use crate::scene_look::{ClipSides, Slice};
+use crate::scene_prefs::{ClipSides, Slice};
 use crate::session_view::labels_of;
-use crate::tips::{action_button, together};
+use crate::tooltips::{action_button, together};
 use crate::{Action, SessionView, Shown, ViewState};
 use ostra_view::{Coloring, Side};
 
@@ -76,8 +76,8 @@ pub(super) fn scene_bar_ui(
             ui.checkbox(&mut view.prefs.frusta, "Cameras")
                 .on_hover_text("Show the cameras; click one to go to its frame");
             let tip = "Show the image in front of each camera";
-            let pictures = egui::Checkbox::new(&mut view.prefs.scene.pictures, "Images");
-            ui.add_enabled(view.prefs.frusta, pictures).on_hover_text(tip);
+            let images = egui::Checkbox::new(&mut view.prefs.scene.images, "Images");
+            ui.add_enabled(view.prefs.frusta, images).on_hover_text(tip);
         }
         if session.sparse.is_some_and(|sparse| !sparse.links.is_empty()) {
             ui.checkbox(&mut view.prefs.links, "Links").on_hover_text(
@@ -182,11 +182,11 @@ fn coloring_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
 
 /// Shows the isolated label and the vote threshold, with buttons to reset them.
 fn isolated_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
-    if let Some(below) = view.scene.doubtful_below {
+    if let Some(below) = view.scene.uncertain_below {
         let text = format!("Only below {:.0} %", 100.0 * below);
         let button = ui.button(text).on_hover_text("Show all points again");
         if button.accessible_name("Show all points").clicked() {
-            view.scene.doubtful_below = None;
+            view.scene.uncertain_below = None;
         }
     }
     let Some(label) = view
@@ -250,16 +250,16 @@ fn display_ui(ui: &mut Ui, view: &mut ViewState, actions: &mut Vec<Action>) {
             let tip = "Opacity of the other points while a label is isolated (Alt+click) or uncertain points are shown";
             ui.add(faint).on_hover_text(tip).accessible_name("Opacity of others");
         });
-        doubtful_ui(ui, &mut view.scene.doubtful_below);
+        uncertain_ui(ui, &mut view.scene.uncertain_below);
     });
     menu.0
         .on_hover_text("Lighting, projection, background and view direction");
 }
 
 /// Initial vote share below which points count as uncertain.
-const DOUBTFUL: f32 = 0.7;
+const UNCERTAIN: f32 = 0.7;
 
-fn doubtful_ui(ui: &mut Ui, below: &mut Option<f32>) {
+fn uncertain_ui(ui: &mut Ui, below: &mut Option<f32>) {
     ui.horizontal(|ui| {
         let mut on = below.is_some();
         let tip = "Highlight points whose label won less than this share of the votes";
@@ -268,7 +268,7 @@ fn doubtful_ui(ui: &mut Ui, below: &mut Option<f32>) {
             .on_hover_text(tip)
             .changed()
         {
-            *below = on.then_some(DOUBTFUL);
+            *below = on.then_some(UNCERTAIN);
         }
         if let Some(below) = below {
             let mut percent = *below * 100.0;

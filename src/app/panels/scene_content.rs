@@ -6,7 +6,7 @@ use glam::Vec3;
 use crate::{SessionView, Shown, ViewState};
 use ostra_cloud::LabelledCloud;
 use ostra_frames::Frame;
-use ostra_view::{Axes, Bounds, Model, Orbit, PicturePlane, Scene3d, SceneView, default_view};
+use ostra_view::{Axes, Bounds, ImagePlane, Model, Orbit, Scene3d, SceneView, default_view};
 
 /// Scene rendered on the window's GPU and shown as a texture.
 pub(super) struct SceneCanvas {
@@ -81,12 +81,12 @@ const PLANES: usize = 200;
 /// Returns the images at the ends of the frusta, of evenly spaced frames if there are many.
 ///
 /// The frame that the view looks through is left out, because its image would hide everything.
-pub(super) fn picture_planes(
+pub(super) fn image_planes(
     session: &SessionView<'_>,
     view: &ViewState,
     size: f32,
-) -> Vec<PicturePlane> {
-    let Some(pictures) = session.pictures else {
+) -> Vec<ImagePlane> {
+    let Some(images) = session.images else {
         return Vec::new();
     };
     let frames = session
@@ -100,9 +100,7 @@ pub(super) fn picture_planes(
         .step_by(step)
         .filter(|(number, _)| view.scene.through != Some(*number));
     chosen
-        .filter_map(|(number, frame)| {
-            PicturePlane::of_frame(frame, size, pictures.thumbnail(number)?)
-        })
+        .filter_map(|(number, frame)| ImagePlane::of_frame(frame, size, images.thumbnail(number)?))
         .collect()
 }
 
@@ -112,7 +110,7 @@ pub(super) fn picture_planes(
 pub(super) fn model(session: &SessionView<'_>, view: &ViewState) -> Option<Model> {
     match (
         view.shown,
-        session.surface.filter(|_| session.growing.is_none()),
+        session.surface.filter(|_| session.preview_cloud.is_none()),
     ) {
         (Shown::Mesh | Shown::Voxels, Some(surface)) => Some(Model::Surface(Arc::clone(surface))),
         (Shown::Wireframe, Some(surface)) => Some(Model::Wireframe(Arc::clone(surface))),

@@ -212,14 +212,12 @@ pub(super) fn blend(
     let Some(frame) = view.scene.through.filter(|_| opacity > 0.0) else {
         return;
     };
-    let picture = session
-        .pictures
-        .and_then(|pictures| pictures.picture(frame));
-    let (Some(picture), Some(frame)) = (picture, session.project.frames.get(frame)) else {
+    let image = session.images.and_then(|images| images.image(frame));
+    let (Some(image), Some(frame)) = (image, session.project.frames.get(frame)) else {
         return;
     };
     let tint = Color32::WHITE.gamma_multiply(opacity);
-    let mut mesh = Mesh::with_texture(textures.picture(ui.ctx(), &picture).id());
+    let mut mesh = Mesh::with_texture(textures.image(ui.ctx(), &image).id());
     let project = |ray: DVec3| Some(to_screen(rect, camera, camera.project(ray.as_vec3())?.0));
     if add_cells(&mut mesh, frame, f64::from(depth), project, tint) {
         ui.painter_at(rect).add(mesh);

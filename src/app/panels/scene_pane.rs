@@ -3,22 +3,20 @@ use std::sync::Arc;
 use egui::{PointerButton, Rect, Response, Role, Sense, Ui, WidgetInfo};
 use glam::{Vec2, Vec3};
 
-use super::asked::{AskedPlace, asked_ui};
+use super::inspector::{InspectedPlace, inspector_ui};
 use super::scene_bar::scene_bar_ui;
-use super::scene_content::{
-    Framed, SceneCanvas, bounds, every_nth, framing, model, picture_planes,
-};
+use super::scene_content::{Framed, SceneCanvas, bounds, every_nth, framing, image_planes, model};
 use super::scene_overlay::{blend, marks};
 use super::scene_picks::{Purpose, SceneHover, ScenePicks};
 use super::scene_select::{choose_by_hand, chosen_ui};
-use super::scene_tools::Asked;
+use super::scene_tools::InspectedPoint;
 use crate::session_view::labels_of;
 use crate::textures::Textures;
 use crate::view_state::SceneAction;
 use crate::{Action, SessionView, ViewState};
 use ostra_frames::Frame;
 use ostra_view::{
-    Appearance, Axes, Bounds, Clip, Orbit, Portrait, Scene3d, SceneStyle, ViewCamera,
+    Appearance, Axes, Bounds, Clip, Orbit, RenderRequest, Scene3d, SceneStyle, ViewCamera,
     frustum_lines, link_lines, pick_frustum,
 };
 
@@ -33,14 +31,14 @@ pub struct ScenePane {
     /// Camera of the view when it was set to look through a frame's camera.
     through: Option<Orbit>,
     hover: SceneHover,
-    asked_place: AskedPlace,
+    inspected_place: InspectedPlace,
 }
 
 /// Speed of the turntable in radians per second.
 const TURNING: f32 = 0.5;
 
 /// Settings that decide which points are drawn and picked.
-struct Seen {
+struct VisibleScene {
     appearance: Appearance,
     clip: Clip,
 }
@@ -57,7 +55,7 @@ impl ScenePane {
             picks: ScenePicks::default(),
             through: None,
             hover: SceneHover::default(),
-            asked_place: AskedPlace::default(),
+            inspected_place: InspectedPlace::default(),
         }
     }
 
@@ -132,7 +130,7 @@ impl ScenePane {
             // The tool bar is already drawn and has to be updated.
             ui.ctx().request_repaint();
         }
-        let Seen { appearance, clip } = self.seen(session, view);
+        let VisibleScene { appearance, clip } = self.seen(session, view);
         self.hover
             .ui(ui, &response, session, view, (&camera, &clip, &appearance));
         self.draw(ui, rect, session, view);
@@ -140,11 +138,17 @@ impl ScenePane {
         if let Some(request) = view.screenshot_request.take() {
             let portrait = model(session, view).map(|model| {
                 let (style, rows) = (self.style(ui, session, view), camera.height);
-                Portrait::new(model, orbit, style, rows)
+                RenderRequest::new(model, orbit, style, rows)
             });
             view.portrait = portrait.map(|portrait| (request, portrait));
         }
-        asked_ui(ui, (rect, &camera), &mut self.asked_place, session, view);
+        inspector_ui(
+            ui,
+            (rect, &camera),
+            &mut self.inspected_place,
+            session,
+            view,
+        );
         chosen_ui(ui, rect, &camera, session, view, actions);
     }
 
@@ -179,10 +183,10 @@ impl ScenePane {
                 orbit.look_from(axes, side);
             }
         }
-        if let (Some(SceneAction::ShowAsked), Some(orbit), Some(asked)) =
-            (request, &mut self.orbit, &view.asked)
+        if let (Some(SceneAction::ShowInspected), Some(orbit), Some(inspected_point)) =
+            (request, &mut self.orbit, &view.inspected_point)
         {
-            orbit.recentre(asked.place());
+            orbit.recentre(inspected_point.place());
         }
     }
 
@@ -209,7 +213,7 @@ impl ScenePane {
     }
 
     /// Returns the settings that decide which points are drawn and picked.
-    fn seen(&self, session: &SessionView<'_>, view: &ViewState) -> Seen {
+    fn seen(&self, session: &SessionView<'_>, view: &ViewState) -> VisibleScene {
         let axes = self
             .framed
             .axes
@@ -219,7 +223,7 @@ impl ScenePane {
             level: view.scene.level,
             hidden: view.hidden.clone(),
             isolated: view.scene.isolated,
-            doubtful_below: view.scene.doubtful_below,
+            uncertain_below: view.scene.uncertain_below,
             faint: view.prefs.scene.faint,
             tree: session.shown_tree(),
             votes: session.votes.cloned(),
@@ -229,12 +233,12 @@ impl ScenePane {
             .framed
             .extent
             .map_or_else(Clip::default, |extent| view.scene.clip.clip(&axes, &extent));
-        Seen { appearance, clip }
+        VisibleScene { appearance, clip }
     }
 
     /// Returns the rendering style for this screen's scale.
     fn style(&self, ui: &Ui, session: &SessionView<'_>, view: &ViewState) -> SceneStyle {
-        let Seen { appearance, clip } = self.seen(session, view);
+        let VisibleScene { appearance, clip } = self.seen(session, view);
         let (fill, scene) = (ui.visuals().extreme_bg_color, &view.prefs.scene);
         SceneStyle {
             appearance,
@@ -334,11 +338,11 @@ impl ScenePane {
         ui: &Ui,
         purpose: Purpose,
         session: &SessionView<'_>,
-        seen: &Seen,
+        seen: &VisibleScene,
         camera: &ViewCamera,
         near: (Vec2, f32),
     ) {
-        let labelled = session.cloud.filter(|_| session.growing.is_none());
+        let labelled = session.cloud.filter(|_| session.preview_cloud.is_none());
         let cloud = if matches!(purpose, Purpose::Ask | Purpose::Isolate) {
             labelled
         } else {
@@ -367,9 +371,9 @@ impl ScenePane {
                     let votes = session
                         .votes
                         .filter(|votes| votes.len() == picked.cloud.len());
-                    view.asked = picked
+                    view.inspected_point = picked
                         .point
-                        .map(|point| Asked::new(&picked.cloud, votes, point));
+                        .map(|point| InspectedPoint::new(&picked.cloud, votes, point));
                 }
                 (Purpose::Isolate, _) => {
                     view.scene.isolate(
@@ -403,7 +407,7 @@ impl ScenePane {
         ui: &Ui,
         response: &Response,
         session: &SessionView<'_>,
-        seen: &Seen,
+        seen: &VisibleScene,
         camera: &ViewCamera,
         in_view: impl Fn(egui::Pos2) -> Vec2,
     ) {
@@ -453,8 +457,8 @@ impl ScenePane {
         if view.prefs.frusta {
             let size = self.framed.radius * view.prefs.scene.frustum;
             lines = frustum_lines(&session.project.frames, size, Some(view.frame));
-            if view.prefs.scene.pictures {
-                planes = picture_planes(session, view, size);
+            if view.prefs.scene.images {
+                planes = image_planes(session, view, size);
             }
         }
         if let Some(sparse) = session.sparse.filter(|_| view.prefs.links) {

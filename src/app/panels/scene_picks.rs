@@ -4,8 +4,8 @@ use std::sync::{Arc, Weak};
 use egui::{Pos2, Response, Ui};
 use glam::{Vec2, Vec3};
 
-use super::asked::label_ui;
-use crate::pointer::Rest;
+use super::inspector::label_ui;
+use crate::pointer::HoverDwell;
 use crate::session_view::labels_of;
 use crate::{SessionView, ViewState};
 use ostra_cloud::LabelledCloud;
@@ -117,27 +117,27 @@ const NEAR: f32 = 6.0;
 /// Label of the point under the resting pointer, shown as a tooltip.
 #[derive(Default)]
 pub(super) struct SceneHover {
-    rest: Option<Rest>,
-    looking: Option<(Place, Picking)>,
-    found: Option<(Place, Option<usize>)>,
+    rest: Option<HoverDwell>,
+    looking: Option<(PickQuery, Picking)>,
+    found: Option<(PickQuery, Option<usize>)>,
 }
 
 /// Pixel of a view, and everything that decides which point is visible there.
-struct Place {
+struct PickQuery {
     at: Pos2,
     camera: ViewCamera,
     clip: Clip,
     hidden: BTreeSet<LabelId>,
     isolated: Option<LabelId>,
-    doubtful_below: Option<f32>,
+    uncertain_below: Option<f32>,
     cloud: Weak<LabelledCloud>,
 }
 
-impl Place {
+impl PickQuery {
     fn is(&self, other: &Self) -> bool {
         (self.at, self.camera, self.clip) == (other.at, other.camera, other.clip)
-            && (&self.hidden, self.isolated, self.doubtful_below)
-                == (&other.hidden, other.isolated, other.doubtful_below)
+            && (&self.hidden, self.isolated, self.uncertain_below)
+                == (&other.hidden, other.isolated, other.uncertain_below)
             && self.cloud.ptr_eq(&other.cloud)
     }
 }
@@ -154,28 +154,28 @@ impl SceneHover {
     ) {
         let (Some(at), Some(cloud)) = (
             response.hover_pos(),
-            session.cloud.filter(|_| may_tell(ui, session, view)),
+            session.cloud.filter(|_| may_inspect(ui, session, view)),
         ) else {
             *self = Self::default();
             return;
         };
         self.take_found();
-        let Some(at) = Rest::follow(&mut self.rest, ui, at) else {
+        let Some(at) = HoverDwell::follow(&mut self.rest, ui, at) else {
             return;
         };
-        let (hidden, isolated, doubtful_below) = (
+        let (hidden, isolated, uncertain_below) = (
             appearance.hidden.clone(),
             appearance.isolated,
-            appearance.doubtful_below,
+            appearance.uncertain_below,
         );
         let cloud_then = Arc::downgrade(cloud);
-        let place = Place {
+        let place = PickQuery {
             at,
             camera: *camera,
             clip: *clip,
             hidden,
             isolated,
-            doubtful_below,
+            uncertain_below,
             cloud: cloud_then,
         };
         match &self.found {
@@ -211,12 +211,12 @@ impl SceneHover {
 ///
 /// This requires that nothing is pressed, no tool is active, the view and points are not changing
 /// and the labelled cloud is shown.
-fn may_tell(ui: &Ui, session: &SessionView<'_>, view: &ViewState) -> bool {
+fn may_inspect(ui: &Ui, session: &SessionView<'_>, view: &ViewState) -> bool {
     let in_hand = view.scene_select.in_hand
         || view.ruler.in_hand
         || ui.input(|input| input.pointer.any_down());
     let is_still = !view.scene.turning && view.dialog.is_none();
-    session.growing.is_none() && session.proposed.is_none() && is_still && !in_hand
+    session.preview_cloud.is_none() && session.proposed.is_none() && is_still && !in_hand
 }
 
 fn tell(response: &Response, session: &SessionView<'_>, cloud: &LabelledCloud, point: usize) {

@@ -4,8 +4,8 @@ use egui::{
 use glam::{DVec2, Vec3};
 
 use super::scene_tools::{SceneSelect, SelectShape};
-use crate::pointer::trail;
-use crate::tips::action_button;
+use crate::pointer::pointer_path;
+use crate::tooltips::action_button;
 use crate::{Action, SessionView, ViewState};
 use ostra_cloud::select::{SeenRegion, SelectStep, Selection};
 use ostra_masks::LabelId;
@@ -216,7 +216,7 @@ fn correct_ui(
     view: &mut ViewState,
     actions: &mut Vec<Action>,
 ) {
-    ui.checkbox(&mut view.scene_select.as_anchors, "As keyframes")
+    ui.checkbox(&mut view.scene_select.as_keyframes, "As keyframes")
         .on_hover_text("Make the changed frames keyframes, which tracking does not overwrite");
     let any = has_chosen(session, view);
     let label = view
@@ -283,7 +283,7 @@ fn follow(ui: &Ui, response: &Response, drawn: &mut Vec<Pos2>) -> bool {
         )
     });
     let held = down && response.is_pointer_button_down_on();
-    let mut places = trail(ui, &[PointerButton::Primary]).into_iter();
+    let mut places = pointer_path(ui, &[PointerButton::Primary]).into_iter();
     if held && pressed {
         *drawn = places.next().into_iter().collect();
     }
@@ -307,7 +307,7 @@ fn region(
     remove: bool,
 ) -> SeenRegion {
     let select = &view.scene_select;
-    let in_picture = |at: Pos2| {
+    let in_image = |at: Pos2| {
         let at = (at - rect.min) * scale;
         DVec2::new(f64::from(at.x), f64::from(at.y))
     };
@@ -317,10 +317,13 @@ fn region(
         0.0
     };
     let hidden: Vec<LabelId> = view.hidden.iter().copied().collect();
-    let points_px = select.outline().into_iter().map(in_picture).collect();
+    let points_px = select.outline().into_iter().map(in_image).collect();
     let scene = &view.scene;
-    let (isolated, doubtful_below, cube_from_world) =
-        (scene.isolated, scene.doubtful_below, clip.cube_from_world());
+    let (isolated, uncertain_below, cube_from_world) = (
+        scene.isolated,
+        scene.uncertain_below,
+        clip.cube_from_world(),
+    );
     SeenRegion {
         eye: camera.eye(),
         points_px,
@@ -328,7 +331,7 @@ fn region(
         remove,
         hidden,
         isolated,
-        doubtful_below,
+        uncertain_below,
         cube_from_world,
     }
 }

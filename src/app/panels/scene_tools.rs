@@ -19,14 +19,14 @@ const NEAR_PX: f64 = 3.0;
 
 /// Inspected point of the cloud with its votes.
 #[derive(Debug, Clone)]
-pub struct Asked {
+pub struct InspectedPoint {
     pub(super) cloud: Arc<LabelledCloud>,
     pub(super) point: usize,
     pub(super) votes: Vec<(LabelId, u16)>,
     pub(super) voters: Vec<Voter>,
 }
 
-impl Asked {
+impl InspectedPoint {
     /// Inspects a point by its index.
     #[must_use]
     pub fn new(cloud: &Arc<LabelledCloud>, votes: Option<&Arc<Votes>>, point: usize) -> Self {
@@ -61,7 +61,7 @@ impl Asked {
     ) -> Option<Self> {
         let off = |x: u32, y: u32| middle(x, y).distance_squared(at_px);
         let near = votes
-            .sightings(frame)
+            .observations(frame)
             .filter(|&(_, x, y)| off(x, y) <= NEAR_PX * NEAR_PX);
         let (point, ..) = near.min_by(|a, b| off(a.1, a.2).total_cmp(&off(b.1, b.2)))?;
         Some(Self::new(cloud, Some(votes), point))
@@ -125,7 +125,7 @@ pub struct SceneSelect {
     /// Part to keep, counted from 1.
     pub piece: usize,
     /// Whether frames changed by a correction become keyframes.
-    pub as_anchors: bool,
+    pub as_keyframes: bool,
     /// Steps that make up the selection.
     pub steps: Vec<SelectStep>,
     /// Outline being drawn, in screen positions.
@@ -140,7 +140,7 @@ impl Default for SceneSelect {
             brush: 14.0,
             likeness: Likeness::default(),
             piece: 1,
-            as_anchors: false,
+            as_keyframes: false,
             steps: Vec::new(),
             drawn: Vec::new(),
         }
@@ -171,7 +171,7 @@ impl SceneSelect {
         let correction = CloudCorrection {
             select,
             change,
-            as_anchors: self.as_anchors,
+            as_keyframes: self.as_keyframes,
         };
         (!correction.select.is_empty()).then_some(Command::CorrectCloud(correction))
     }

@@ -4,8 +4,8 @@ use ostra_session::JobTask;
 use super::labels::add_label;
 use crate::canvas::id_at;
 use crate::menu::is_possible;
-use crate::panel_state::LOOKED_FOR;
-use crate::tips::action_button;
+use crate::panel_state::MIN_SHOWN_SCORE;
+use crate::tooltips::action_button;
 use crate::{Action, SessionView, ViewState};
 use ostra_masks::LabelId;
 use ostra_session::{Command, EngineKind, FoundThing, Suggestion, TakeRequest};
@@ -17,7 +17,7 @@ pub(crate) fn offered<'a>(
     session: &SessionView<'a>,
     view: &ViewState,
 ) -> impl Iterator<Item = (usize, &'a FoundThing)> + use<'a> {
-    let (frame, least) = (view.frame, view.words.least);
+    let (frame, least) = (view.frame, view.text_prompt.least);
     let found = session
         .grounding
         .filter(|grounding| grounding.frame == frame);
@@ -28,7 +28,7 @@ pub(crate) fn offered<'a>(
 }
 
 /// Draws the search by text and its results, which can be accepted one by one or all at once.
-pub(crate) fn words_ui(
+pub(crate) fn text_prompt_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &mut ViewState,
@@ -46,13 +46,13 @@ pub(crate) fn words_ui(
     ui.add_enabled_ui(ready, |ui| {
         ui.horizontal(|ui| {
             let width = (ui.available_width() - 52.0).max(60.0);
-            let edit = TextEdit::singleline(&mut view.words.text).hint_text("banana; cup").desired_width(width);
+            let edit = TextEdit::singleline(&mut view.text_prompt.text).hint_text("banana; cup").desired_width(width);
             let tip = "Objects to find on this frame, separated by ';'; each text becomes a label, each object an instance";
             let edit = ui.add(edit).on_hover_text(tip).on_disabled_hover_text(format!("Needs {needs}"));
             let edit = edit.accessible_name("Text to find");
             let entered = edit.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
             if ui.button("Find").on_hover_text(tip).clicked() || entered {
-                out.extend(view.words.request(view.frame));
+                out.extend(view.text_prompt.request(view.frame));
             }
         });
     });
@@ -64,11 +64,12 @@ pub(crate) fn words_ui(
     }
     ui.horizontal(|ui| {
         ui.spacing_mut().slider_width = 90.0;
-        let slider = Slider::new(&mut view.words.least, LOOKED_FOR..=1.0).show_value(false);
+        let slider =
+            Slider::new(&mut view.text_prompt.least, MIN_SHOWN_SCORE..=1.0).show_value(false);
         ui.add(slider)
             .on_hover_text("Hide results of lower confidence")
             .accessible_name("Minimum score");
-        ui.weak(format!("{:.0} %", 100.0 * view.words.least));
+        ui.weak(format!("{:.0} %", 100.0 * view.text_prompt.least));
     });
     let found: Vec<(usize, FoundThing)> = offered(session, view)
         .map(|(number, thing)| (number, thing.clone()))

@@ -5,7 +5,7 @@ use egui::{Color32, Pos2, Rect, Response, Role, ScrollArea, Sense, Stroke, Ui, V
 use super::heat::{Columns, heat, mark};
 use super::label_edit::listed;
 use crate::menu::is_possible;
-use crate::tips::action_button;
+use crate::tooltips::action_button;
 use crate::{Action, SessionView, ViewState};
 use ostra_masks::{Label, LabelId};
 use ostra_project::MaskOrigin;
@@ -202,12 +202,12 @@ fn cells_of(
     let color = Color32::from_rgb(r, g, b);
     let marks = session.project.marks_of(label.id);
     let is_on = |frame: usize| view.presence.on_frame(frame).contains(&label.id);
-    let anchor = |frame: usize| {
+    let keyframe = |frame: usize| {
         session
             .project
             .masks
             .get(&frame)
-            .is_some_and(|mask| mask.origin == MaskOrigin::Anchor)
+            .is_some_and(|mask| mask.origin == MaskOrigin::Keyframe)
     };
     columns.paint(ui, |mut frames| {
         let shown = frames.clone().find(|&frame| is_on(frame))?;
@@ -216,13 +216,13 @@ fn cells_of(
         } else {
             0.65
         };
-        Some(if frames.any(|frame| is_on(frame) && anchor(frame)) {
+        Some(if frames.any(|frame| is_on(frame) && keyframe(frame)) {
             color
         } else {
             color.gamma_multiply(dim)
         })
     });
-    let doubt = |frame: usize| {
+    let conflict = |frame: usize| {
         session
             .project
             .masks
@@ -232,9 +232,9 @@ fn cells_of(
             .copied()
     };
     strip(columns, 0.72, 1.0).paint(ui, |frames| {
-        frames.filter_map(doubt).reduce(f32::min).map(heat)
+        frames.filter_map(conflict).reduce(f32::min).map(heat)
     });
-    let said = |set: &ostra_frames::FrameSet, frames: Range<usize>, color| {
+    let message = |set: &ostra_frames::FrameSet, frames: Range<usize>, color| {
         frames
             .clone()
             .any(|frame| set.contains(frame))
@@ -242,9 +242,9 @@ fn cells_of(
     };
     let text = ui.visuals().text_color();
     strip(columns, 0.46, 0.54).paint(ui, |frames| {
-        said(&marks.absent, frames, ui.visuals().error_fg_color)
+        message(&marks.absent, frames, ui.visuals().error_fg_color)
     });
-    strip(columns, 0.0, 0.16).paint(ui, |frames| said(&marks.locked, frames, text));
+    strip(columns, 0.0, 0.16).paint(ui, |frames| message(&marks.locked, frames, text));
 }
 
 /// Returns the part of columns between two shares of their height.
@@ -304,10 +304,12 @@ fn tip_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState, label: &Labe
     ui.strong(format!("{}, frame {frame}", label.name));
     let mask = session.project.masks.get(&frame);
     let on = view.presence.on_frame(frame).contains(&label.id);
-    let sure = mask.and_then(|mask| mask.confidence.get(&label.id));
-    match (on, mask.map(|mask| mask.origin), sure) {
-        (true, Some(MaskOrigin::Anchor), _) => ui.label("keyframe"),
-        (true, _, Some(sure)) => ui.label(format!("tracked, {:.0} % confidence", sure * 100.0)),
+    let confidence = mask.and_then(|mask| mask.confidence.get(&label.id));
+    match (on, mask.map(|mask| mask.origin), confidence) {
+        (true, Some(MaskOrigin::Keyframe), _) => ui.label("keyframe"),
+        (true, _, Some(confidence)) => {
+            ui.label(format!("tracked, {:.0} % confidence", confidence * 100.0))
+        }
         (true, _, None) => ui.label("tracked"),
         (false, ..) => ui.weak("not on this frame"),
     };

@@ -3,7 +3,7 @@ use ostra_session::JobTask;
 
 use super::jobs::{progress_text, run_button_ui};
 use crate::menu::is_possible;
-use crate::tips::{action_button, field};
+use crate::tooltips::{action_button, field};
 use crate::{Action, SessionView, ViewState};
 use ostra_frames::Frame;
 use ostra_masks::Direction;
@@ -34,12 +34,12 @@ pub(crate) fn track_ui(
     });
     constrain_ui(ui, session, view);
     pause_ui(ui, &mut view.track.pause_below);
-    check_ui(ui, &mut view.prefs.doubt_below);
-    let anchors = session
+    check_ui(ui, &mut view.prefs.flag_below);
+    let keyframes = session
         .project
         .masks
         .values()
-        .filter(|mask| mask.origin == MaskOrigin::Anchor)
+        .filter(|mask| mask.origin == MaskOrigin::Keyframe)
         .count();
     ui.horizontal(|ui| {
         run_button_ui(
@@ -47,14 +47,14 @@ pub(crate) fn track_ui(
             session,
             view,
             (Action::Track, &JobTask::Track),
-            anchors > 0,
+            keyframes > 0,
             actions,
         );
         if let Some(job) = session.running(&JobTask::Track) {
             ui.weak(progress_text(job));
             return;
         }
-        let text = match anchors {
+        let text = match keyframes {
             0 => "Click an object first".into(),
             1 => "1 keyframe".into(),
             n => format!("{n} keyframes"),
@@ -117,11 +117,11 @@ fn pause_ui(ui: &mut Ui, pause_below: &mut Option<f32>) {
 }
 
 /// Draws the confidence below which frames are flagged for checking.
-fn check_ui(ui: &mut Ui, doubt_below: &mut f32) {
+fn check_ui(ui: &mut Ui, flag_below: &mut f32) {
     ui.horizontal(|ui| {
         let tip = "Frames with a label of lower confidence are listed for checking";
         ui.label("Flag when confidence <").on_hover_text(tip);
-        let mut percent = *doubt_below * 100.0;
+        let mut percent = *flag_below * 100.0;
         let drag = DragValue::new(&mut percent)
             .range(0.0..=100.0)
             .speed(0.3)
@@ -133,7 +133,7 @@ fn check_ui(ui: &mut Ui, doubt_below: &mut f32) {
             .accessible_name("Flag below confidence")
             .changed()
         {
-            *doubt_below = percent / 100.0;
+            *flag_below = percent / 100.0;
         }
     });
 }

@@ -315,15 +315,17 @@ pub fn save_origin(path: &Path, origin: DVec3) -> Result<Option<String>, SceneEr
             "relative to the origin: add it for global coordinates",
         ),
     };
-    let beside = origin_path(path);
+    let adjacent = origin_path(path);
     let value = serde_json::json!({ "origin": origin.to_array(), "positions": positions });
-    write_whole(&beside, |out| writeln!(out, "{value:#}").map_err(unplaced))?;
+    write_whole(&adjacent, |out| {
+        writeln!(out, "{value:#}").map_err(unplaced)
+    })?;
     let DVec3 { x, y, z } = origin;
     Ok((!is_global).then(|| {
         format!(
             "{}: the origin is {x} {y} {z}, as {} says; positions are {positions}",
             path.display(),
-            beside.display()
+            adjacent.display()
         )
     }))
 }

@@ -30,9 +30,9 @@ pub(super) fn finish(
 ) -> Fused {
     for (point, &label) in cloud.labels.iter().enumerate() {
         let seen = !votes.histogram(point).is_empty();
-        let sure = cloud.confidence[point] >= votes.min_confidence;
+        let confidence = cloud.confidence[point] >= votes.min_confidence;
         report.unseen += usize::from(!seen);
-        report.unsure += usize::from(seen && !sure && label == LabelId::NONE);
+        report.unsure += usize::from(seen && !confidence && label == LabelId::NONE);
     }
     let (cloud, votes) = if drop_unlabelled {
         let kept: Vec<u32> = (0..cloud.len() as u32)

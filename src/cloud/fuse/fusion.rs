@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::coverage::Coverage;
 use super::fused::{ChosenVoxel, FuseReport, Fused, finish, labelled, naming};
-use super::lift::{Lift, LiftCount, Rays};
+use super::lift::{DepthUnprojection, LiftCount, Rays};
 use super::views::{Views, check_size, nearest_corner, readable, two_digits};
 use super::visibility::{measured_tolerance, posed_view};
 use super::vote::{SeenPoints, VoteOptions, vote};
@@ -189,7 +189,7 @@ fn check_options(options: &FuseOptions) -> Result<(), SceneError> {
     ];
     if let Some(share) = shares.iter().find(|share| !(0.0..=1.0).contains(*share)) {
         return refuse(format!(
-            "{share} is no share; confidence and tolerances go from 0 to 1"
+            "confidence and tolerances must be between 0 and 1, got {share}"
         ));
     }
     Ok(())
@@ -326,7 +326,7 @@ fn add_frame(
         Some(_) => rays.insert(Rays::new(&view.camera)),
         None => rays.get_or_insert_with(|| Rays::new(&view.camera)),
     };
-    let lift = Lift::new(
+    let lift = DepthUnprojection::new(
         view,
         rays,
         image,

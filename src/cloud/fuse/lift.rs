@@ -44,7 +44,7 @@ impl Rays {
 }
 
 /// Unprojects the pixels of one frame into the grid.
-pub(super) struct Lift<'a> {
+pub(super) struct DepthUnprojection<'a> {
     image: &'a Image,
     depth: &'a DepthMap,
     rays: &'a Rays,
@@ -68,7 +68,7 @@ pub(super) struct LiftCount {
     pub(super) beyond: usize,
 }
 
-impl<'a> Lift<'a> {
+impl<'a> DepthUnprojection<'a> {
     pub(super) fn new(
         view: &PosedCamera,
         rays: &'a Rays,
@@ -110,7 +110,7 @@ impl<'a> Lift<'a> {
     /// Unprojects one pixel of a row.
     fn pixel(
         &self,
-        around: &Around<'_>,
+        around: &RowNeighbourhood<'_>,
         x: usize,
         shards: &mut [Vec<Sample>],
         count: &mut LiftCount,
@@ -135,13 +135,13 @@ impl<'a> Lift<'a> {
     }
 
     /// Returns the rows up to [`NORMAL_REACH`] above and below a row; rows outside are empty.
-    fn around(&self, y: usize) -> Around<'_> {
+    fn around(&self, y: usize) -> RowNeighbourhood<'_> {
         let width = self.depth.width as usize;
         let range = |row: usize| {
             let first = (y + row).checked_sub(REACH)? * width;
             (first < self.depth.depths.len()).then_some(first..first + width)
         };
-        Around {
+        RowNeighbourhood {
             colors: &self.image.pixels[y * width..(y + 1) * width],
             rows: std::array::from_fn(|row| {
                 range(row).map_or(&[][..], |range| &self.depth.depths[range])
@@ -155,7 +155,7 @@ impl<'a> Lift<'a> {
     /// Returns whether too few neighbours lie on the same surface.
     ///
     /// Such a pixel is a blend of two surfaces at an edge.
-    fn flies(&self, around: &Around<'_>, x: usize, depth: f32) -> bool {
+    fn flies(&self, around: &RowNeighbourhood<'_>, x: usize, depth: f32) -> bool {
         if self.edge_tolerance >= 1.0 {
             return false;
         }
@@ -183,7 +183,7 @@ impl<'a> Lift<'a> {
     /// Returns the normal in world space, facing the camera.
     ///
     /// It is derived from the neighbours on the same surface, and is zero without such neighbours.
-    fn normal(&self, around: &Around<'_>, x: usize, here: Vec3) -> Vec3 {
+    fn normal(&self, around: &RowNeighbourhood<'_>, x: usize, here: Vec3) -> Vec3 {
         let tolerance = self.edge_tolerance * here.z * NORMAL_REACH as f32;
         let side = |dx: isize, dy: isize| {
             let (other, ray) = around.at(x, dx, dy);
@@ -204,13 +204,13 @@ impl<'a> Lift<'a> {
 }
 
 /// A row of an image with the rows above and below it.
-struct Around<'a> {
+struct RowNeighbourhood<'a> {
     colors: &'a [[u8; 3]],
     rows: [&'a [f32]; 2 * REACH + 1],
     rays: [&'a [[f32; 2]]; 2 * REACH + 1],
 }
 
-impl Around<'_> {
+impl RowNeighbourhood<'_> {
     /// Returns the depth and ray of the pixel at an offset in columns and rows.
     ///
     /// The depth is 0 outside the image.

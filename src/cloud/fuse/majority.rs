@@ -8,7 +8,7 @@ use ostra_masks::{LabelId, LabelTree};
 
 /// The outcome of the vote on one point.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Verdict {
+pub struct MajorityLabel {
     /// The winning label; 0 if no label won or there were no votes.
     pub label: LabelId,
     /// Votes for the winner and its descendants, as a share of all votes (0–1).
@@ -49,7 +49,7 @@ impl Majority {
 
     /// Decides the votes on one point, given as (deepest id, votes) with each id once.
     #[must_use]
-    pub fn decide(&self, histogram: &[(LabelId, u16)]) -> Verdict {
+    pub fn decide(&self, histogram: &[(LabelId, u16)]) -> MajorityLabel {
         let total: u32 = histogram.iter().map(|&(_, votes)| u32::from(votes)).sum();
         let mut label = LabelId::NONE;
         let mut won = 0;
@@ -68,7 +68,7 @@ impl Majority {
         } else {
             won as f32 / total as f32
         };
-        Verdict { label, confidence }
+        MajorityLabel { label, confidence }
     }
 
     /// Returns the winner among the children of `parent` and `parent` itself, with its votes.
@@ -126,7 +126,7 @@ const INLINE: usize = 4;
 ///
 /// A few (id, votes) entries are stored inline per point; the others go to a hash map.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Ballots {
+pub(super) struct LabelHistograms {
     points: Vec<[(LabelId, u16); INLINE]>,
     overflow: FxHashMap<(u32, LabelId), u16>,
 }
@@ -137,7 +137,7 @@ pub(super) struct Ballots {
 /// point.
 pub(super) type Histograms = (Vec<u32>, Vec<(LabelId, u16)>);
 
-impl Ballots {
+impl LabelHistograms {
     pub(super) fn new(points: usize) -> Self {
         Self {
             points: vec![[(LabelId::NONE, 0); INLINE]; points],
@@ -190,18 +190,18 @@ impl Ballots {
     /// Returns the counted histograms.
     pub(super) fn finish(&self) -> Histograms {
         let (mut counts, mut entries) = (Vec::with_capacity(self.points.len()), Vec::new());
-        let mut beside: Vec<(u32, LabelId, u16)> = self
+        let mut adjacent: Vec<(u32, LabelId, u16)> = self
             .overflow
             .iter()
             .map(|(&(point, id), &votes)| (point, id, votes))
             .collect();
-        beside.sort_unstable();
-        let mut beside = beside.into_iter().peekable();
+        adjacent.sort_unstable();
+        let mut adjacent = adjacent.into_iter().peekable();
         let mut own: Vec<(LabelId, u16)> = Vec::new();
         for (point, slots) in self.points.iter().enumerate() {
             own.clear();
             own.extend(slots);
-            while let Some((_, id, votes)) = beside.next_if(|&(of, _, _)| of as usize == point) {
+            while let Some((_, id, votes)) = adjacent.next_if(|&(of, _, _)| of as usize == point) {
                 own.push((id, votes));
             }
             own.retain(|&(_, votes)| votes > 0);
@@ -287,7 +287,7 @@ mod tests {
     proptest! {
         #[test]
         fn ballots_count_like_a_map(steps in prop::collection::vec((0u32..3, 0u16..9, any::<bool>()), 0..200)) {
-            let mut ballots = Ballots::new(3);
+            let mut ballots = LabelHistograms::new(3);
             let mut plain: BTreeMap<(u32, LabelId), u16> = BTreeMap::new();
             for (point, id, add) in steps {
                 let id = LabelId(id);
@@ -305,7 +305,7 @@ mod tests {
             prop_assert_eq!(entries.clone(), plain.iter().map(|(&(_, id), &votes)| (id, votes)).collect::<Vec<_>>());
             let mut rest = &entries[..];
             let histograms: Vec<_> = counts.iter().map(|&n| rest.split_off(..n as usize).unwrap()).collect();
-            let again = Ballots::from_histograms(histograms.into_iter()).finish();
+            let again = LabelHistograms::from_histograms(histograms.into_iter()).finish();
             prop_assert_eq!(again, (counts, entries));
         }
     }

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::fused::{FuseReport, Fused, finish, labelled};
-use super::majority::{Ballots, Histograms};
+use super::majority::{Histograms, LabelHistograms};
 use super::pairs::{CHUNK, Pair, PairReader, PairWriter};
 use super::views::{Views, check_size};
 use super::votes::{FramePairs, Votes, joined};
@@ -148,7 +148,7 @@ fn recount(votes: &Votes, changed: &[ChangedMask], chunk: usize) -> Recounted {
     if changed.iter().all(|change| pairs(change).is_empty()) {
         return (votes.histograms(points), vec![Vec::new(); changed.len()]);
     }
-    let mut ballots = Ballots::from_histograms(points.map(|point| votes.histogram(point)));
+    let mut ballots = LabelHistograms::from_histograms(points.map(|point| votes.histogram(point)));
     let mut revote = |change: &ChangedMask| {
         let mut writer = PairWriter::default();
         for pair in PairReader::new(pairs(change)) {
@@ -160,7 +160,7 @@ fn recount(votes: &Votes, changed: &[ChangedMask], chunk: usize) -> Recounted {
     (ballots.finish(), bytes)
 }
 
-fn revoted(pair: Pair, change: &ChangedMask, ballots: &mut Ballots) -> Pair {
+fn revoted(pair: Pair, change: &ChangedMask, ballots: &mut LabelHistograms) -> Pair {
     let vote = change.mask.as_ref().map(|mask| mask.at(pair.x, pair.y));
     if vote != pair.vote {
         if let Some(id) = pair.vote {

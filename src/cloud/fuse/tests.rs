@@ -9,7 +9,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
-use ostra_frames::{DepthMap, Frame, FrameCamera, Image, Orientation, PictureSource};
+use ostra_frames::{DepthMap, Frame, FrameCamera, Image, ImageSource, Orientation};
 use ostra_geometry::{Camera, Pose};
 use ostra_masks::{Label, LabelId, LabelMask, LabelTree};
 
@@ -83,7 +83,7 @@ impl Scene {
             name: format!("{:03}", self.frames.len()),
             width: WIDTH,
             height: HEIGHT,
-            picture: PictureSource::File {
+            image: ImageSource::File {
                 path: "none".into(),
                 orientation: Orientation(1),
             },
@@ -357,14 +357,14 @@ fn dropped_points_are_counted_by_reason() {
     );
     assert_eq!(kept.votes.len(), kept.cloud.len());
     scene.masks[2] = Some(Arc::new(LabelMask::empty(WIDTH, HEIGHT)));
-    let sure = scene.fused(&FuseOptions {
+    let confidence = scene.fused(&FuseOptions {
         min_confidence: 0.9,
         ..options()
     });
-    assert!(sure.report.unsure > 0);
+    assert!(confidence.report.unsure > 0);
     assert!(
-        (0..sure.cloud.len())
-            .all(|p| sure.cloud.labels[p] == LabelId::NONE || sure.cloud.confidence[p] >= 0.9)
+        (0..confidence.cloud.len()).all(|p| confidence.cloud.labels[p] == LabelId::NONE
+            || confidence.cloud.confidence[p] >= 0.9)
     );
     let clean = scene.fused(&FuseOptions {
         min_confidence: 0.9,
@@ -377,12 +377,13 @@ fn dropped_points_are_counted_by_reason() {
         ..
     } = clean.report.dropped;
     let voted = |point: &usize| {
-        sure.votes
+        confidence
+            .votes
             .histogram(*point)
             .iter()
             .any(|&(id, _)| id == BALL)
     };
-    let lost = (0..sure.cloud.len()).filter(|&point| sure.cloud.labels[point] != BALL);
+    let lost = (0..confidence.cloud.len()).filter(|&point| confidence.cloud.labels[point] != BALL);
     let (contours, backgrounds): (Vec<usize>, Vec<usize>) = lost.partition(voted);
     assert_eq!((background, contour), (backgrounds.len(), contours.len()));
     assert!(contour > 0 && background > 0, "{background} {contour}");
@@ -471,7 +472,7 @@ fn unusable_frames_are_named_and_invalid_input_is_an_error() {
                 ..options()
             }
         )
-        .contains("0 to 1")
+        .contains("between 0 and 1")
     );
     let mut small = scene.clone();
     small.masks[3] = Some(Arc::new(LabelMask::empty(3, 3)));

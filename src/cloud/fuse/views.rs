@@ -124,7 +124,7 @@ pub(super) fn check_size(
         return Ok(());
     }
     Err(SceneError::Request(format!(
-        "frame '{}': its {what} is {width}x{height} but its picture is {}x{}; give a {what} of the picture's size",
+        "frame '{}': its {what} is {width}x{height} but its image is {}x{}; give a {what} of the image's size",
         frame.name, frame.width, frame.height
     )))
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::majority::{Ballots, Histograms};
+use super::majority::{Histograms, LabelHistograms};
 use super::pairs::{CHUNK, Pair, PairWriter};
 use super::views::{Views, check_size};
 use super::visibility::{posed_view, project_inside, seen_at, splat_depth};
@@ -50,11 +50,11 @@ struct Voting<'a> {
     index: usize,
     size: (u32, u32),
     mask: Option<Arc<LabelMask>>,
-    sight: Sight<'a>,
+    visibility: Visibility<'a>,
 }
 
 /// How the points that a frame sees are determined.
-enum Sight<'a> {
+enum Visibility<'a> {
     /// Points are projected and compared with the frame's depth.
     Depth {
         view: Box<PosedCamera>,
@@ -71,7 +71,7 @@ struct Chunk<'a> {
     first: u32,
     centre: glam::DVec3,
     radius: f64,
-    ballots: Ballots,
+    ballots: LabelHistograms,
 }
 
 /// The votes, and the number of frames with a mask that voted.
@@ -168,20 +168,20 @@ impl<'a> Voting<'a> {
         if let Some(mask) = &mask {
             check_size(frame, "mask", mask.width, mask.height)?;
         }
-        let sight = match seen.get(&index) {
-            Some(known) => Sight::Known(known),
-            None => Sight::by_depth(points, views, index, options)?,
+        let visibility = match seen.get(&index) {
+            Some(known) => Visibility::Known(known),
+            None => Visibility::by_depth(points, views, index, options)?,
         };
         Ok(Self {
             index,
             size: (frame.width, frame.height),
             mask,
-            sight,
+            visibility,
         })
     }
 }
 
-impl Sight<'_> {
+impl Visibility<'_> {
     fn by_depth(
         points: &[Vec3],
         views: &dyn Views,
@@ -228,29 +228,29 @@ impl<'a> Chunk<'a> {
             first: (number * CHUNK) as u32,
             centre: (min + max) / 2.0,
             radius: (max - min).length() / 2.0,
-            ballots: Ballots::new(points.len()),
+            ballots: LabelHistograms::new(points.len()),
         }
     }
 
     /// Counts the votes of one frame on the chunk and returns the pairs that voted.
     fn count(&mut self, voting: &Voting<'_>) -> PairWriter {
         let mut pairs = PairWriter::default();
-        let mut see = |ballots: &mut Ballots, point: u32, (x, y): (u32, u32)| {
+        let mut see = |ballots: &mut LabelHistograms, point: u32, (x, y): (u32, u32)| {
             let vote = voting.mask.as_ref().map(|mask| mask.at(x, y));
             if let Some(id) = vote {
                 ballots.add(point, id);
             }
             pairs.push(Pair { point, x, y, vote });
         };
-        match &voting.sight {
-            Sight::Known(known) => {
+        match &voting.visibility {
+            Visibility::Known(known) => {
                 let begin = known.partition_point(|seen| seen.point < self.first);
                 let last = self.first + self.points.len() as u32;
                 for seen in known[begin..].iter().take_while(|seen| seen.point < last) {
                     see(&mut self.ballots, seen.point - self.first, (seen.x, seen.y));
                 }
             }
-            Sight::Depth {
+            Visibility::Depth {
                 view,
                 depth,
                 tolerance,
@@ -265,7 +265,7 @@ impl<'a> Chunk<'a> {
                     see(&mut self.ballots, point, pixel);
                 }
             }
-            Sight::Depth { .. } => {}
+            Visibility::Depth { .. } => {}
         }
         pairs
     }

@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::majority::{Histograms, Majority, Verdict};
+use super::majority::{Histograms, Majority, MajorityLabel};
 use super::pairs::{CHUNK, Pair, PairReader, PairWriter};
 use ostra_masks::LabelId;
 
@@ -116,7 +116,7 @@ impl Votes {
     /// Returns the points that a frame sees, with the column and row of the pixel that sees each.
     ///
     /// Points are in ascending order. There are none if the pairs were not kept.
-    pub fn sightings(&self, frame: usize) -> impl Iterator<Item = (usize, u32, u32)> {
+    pub fn observations(&self, frame: usize) -> impl Iterator<Item = (usize, u32, u32)> {
         let found = self
             .frames
             .binary_search_by_key(&frame, |pairs| pairs.frame as usize)
@@ -152,12 +152,16 @@ impl Votes {
 
     /// Returns the outcome per point; points below the minimum confidence are unlabelled.
     #[must_use]
-    pub fn decide(&self, majority: &Majority) -> Vec<Verdict> {
+    pub fn decide(&self, majority: &Majority) -> Vec<MajorityLabel> {
         let decide = |point: usize| {
             let verdict = majority.decide(self.histogram(point));
-            let sure = verdict.confidence >= self.min_confidence;
-            Verdict {
-                label: if sure { verdict.label } else { LabelId::NONE },
+            let confidence = verdict.confidence >= self.min_confidence;
+            MajorityLabel {
+                label: if confidence {
+                    verdict.label
+                } else {
+                    LabelId::NONE
+                },
                 ..verdict
             }
         };

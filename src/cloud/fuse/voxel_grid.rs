@@ -5,7 +5,7 @@ use std::hash::BuildHasherDefault;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::lift::{Lift, LiftCount};
+use super::lift::{DepthUnprojection, LiftCount};
 use super::voxel_map::{
     AXIS_SHIFTS, FRACTION, SHARDS, Sample, Voxel, VoxelMap, cell_index, shard_of,
 };
@@ -20,7 +20,7 @@ const BLOCK_ROWS: u32 = 16;
 /// voxel.
 const MAX_SAMPLES: u32 = 1 << 15;
 /// Number of samples whose voxels are looked up together.
-const LOOKED_UP: usize = 64;
+const LOOKUPS: usize = 64;
 /// A hashed voxel grid that averages the samples in each voxel.
 ///
 /// All sums are integers, so the result does not depend on the order in which threads add to it.
@@ -79,7 +79,7 @@ impl Grid {
     /// Adds all pixels of one frame of `height` rows.
     pub(super) fn add(
         &mut self,
-        lift: &Lift<'_>,
+        lift: &DepthUnprojection<'_>,
         height: u32,
         progress: &Progress,
     ) -> Result<LiftCount, Stopped> {
@@ -176,7 +176,7 @@ impl Grid {
 
 /// Adds the samples of one block.
 fn add_samples(voxels: &mut VoxelMap, samples: &[Sample], frame: u32) {
-    for piece in samples.chunks(LOOKED_UP) {
+    for piece in samples.chunks(LOOKUPS) {
         // Looking the keys up one right after the other lets the processor wait for the memory of
         // several voxels at once.
         let known = piece

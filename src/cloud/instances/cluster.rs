@@ -302,7 +302,7 @@ pub fn split_mask(
 ) -> Option<LabelMask> {
     let mut split = mask.clone();
     let mut open = VecDeque::new();
-    for (point, x, y) in votes.sightings(frame) {
+    for (point, x, y) in votes.observations(frame) {
         let Some(chosen) = choice[point].filter(|_| x < mask.width && y < mask.height) else {
             continue;
         };
@@ -316,7 +316,7 @@ pub fn split_mask(
         return None;
     }
     while let Some(at) = open.pop_front() {
-        for next in beside(at, mask.width as usize, mask.ids.len())
+        for next in adjacent(at, mask.width as usize, mask.ids.len())
             .into_iter()
             .flatten()
         {
@@ -330,7 +330,7 @@ pub fn split_mask(
 }
 
 /// Returns the pixels that share a side with pixel `at`.
-fn beside(at: usize, width: usize, count: usize) -> [Option<usize>; 4] {
+fn adjacent(at: usize, width: usize, count: usize) -> [Option<usize>; 4] {
     let column = at % width;
     [
         at.checked_sub(width),

@@ -98,7 +98,7 @@ fn with_pieces(
     let name = name(&cloud.tree, id);
     let refuse = |why: String| {
         Err(SceneError::Request(format!(
-            "no angle can be told of '{name}': {why}"
+            "no angle can be computed for '{name}': {why}"
         )))
     };
     let points = points_of(cloud, id);
@@ -109,7 +109,7 @@ fn with_pieces(
     if measured.bodies.is_empty() {
         let least = options.min_points;
         return refuse(format!(
-            "none of its pieces has {least} points or more; fuse with smaller voxels"
+            "none of its parts has {least} points or more; fuse with smaller voxels"
         ));
     }
     Ok(measured)
@@ -148,7 +148,7 @@ fn rows_of(
     };
     let round = if is_round(a) { names[0] } else { names[1] };
     Err(SceneError::Request(format!(
-        "no angle can be told of '{round}': it is about as broad as it is long"
+        "no angle can be computed for '{round}': it has no clear direction, being about as broad as it is long"
     )))
 }
 

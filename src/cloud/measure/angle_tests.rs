@@ -183,7 +183,7 @@ fn block_has_an_axis_and_cube_has_none() {
     assert!(
         refused
             .to_string()
-            .contains("'label 2': it is about as broad as it is long"),
+            .contains("'label 2': it has no clear direction"),
         "{refused}"
     );
 }
@@ -248,7 +248,7 @@ fn pairs_without_an_angle_are_errors() {
         refused(4, 1)
     );
     assert!(
-        refused(4, 2).contains("'label 2': none of its pieces has 50 points"),
+        refused(4, 2).contains("'label 2': none of its parts has 50 points"),
         "{}",
         refused(4, 2)
     );

@@ -252,9 +252,10 @@ fn best_pair(bodies: &[Body], longest: f64) -> Option<(End, End)> {
     let fitting = pairs.filter(|(a, b)| a.rod != b.rod && continues(a, b, longest));
     // A long rod shows reliably where it continues; two short ones may be separate objects, such as
     // grains.
-    let is_sure = |end: &End| !end.is_short();
+    let is_confident = |end: &End| !end.is_short();
     let cut_off = |end: &End| is_cut_off(&bodies[end.rod], end);
-    let parts = fitting.filter(|(a, b)| is_sure(a) || is_sure(b) || (cut_off(a) && cut_off(b)));
+    let parts =
+        fitting.filter(|(a, b)| is_confident(a) || is_confident(b) || (cut_off(a) && cut_off(b)));
     parts.min_by(|(a, b), (c, d)| a.x.distance(b.x).total_cmp(&c.x.distance(d.x)))
 }
 

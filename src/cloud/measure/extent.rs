@@ -304,11 +304,11 @@ impl Voxels {
                 continue;
             }
             self.states[index] = State::Outside;
-            let beside = [IVec3::X, IVec3::Y, IVec3::Z]
+            let adjacent = [IVec3::X, IVec3::Y, IVec3::Z]
                 .into_iter()
                 .flat_map(|step| [at - step, at + step]);
             open.extend(
-                beside.filter(|at| at.cmpge(IVec3::ZERO).all() && at.cmplt(self.counts).all()),
+                adjacent.filter(|at| at.cmpge(IVec3::ZERO).all() && at.cmplt(self.counts).all()),
             );
         }
     }

@@ -114,11 +114,11 @@ fn half_visible_rod_is_joined_across_gaps() {
     let mut part = tube(2.5, 3.4, (0.0, 60.0));
     part.extend(tube(2.5, 3.4, (130.0, 180.0)));
     part.extend(tube(2.5, 3.4, (250.0, 270.0)));
-    let beside: Vec<DVec3> = tube(2.5, 3.4, (0.0, 120.0))
+    let adjacent: Vec<DVec3> = tube(2.5, 3.4, (0.0, 120.0))
         .into_iter()
         .map(|x| x + 40.0 * DVec3::X)
         .collect();
-    let rows = rows(&[[part, beside].concat()]);
+    let rows = rows(&[[part, adjacent].concat()]);
     assert_eq!(value(&rows, "label 1", 0, "instances"), Some(2.0));
     let lengths: Vec<f64> = rows
         .iter()
@@ -191,11 +191,15 @@ fn insertion_angle_of_a_blade_on_a_stem_is_measured() {
     let rows = rows(&[stem, blade]);
     let angle = value(&rows, "label 2", 1, "insertion_angle").unwrap();
     assert!((angle - 35.0).abs() < 2.0, "{angle}");
-    let told = rows
+    let reported = rows
         .iter()
         .find(|row| row.name == "insertion_angle")
         .unwrap();
-    assert!(told.definition.contains("(label 1)"), "{}", told.definition);
+    assert!(
+        reported.definition.contains("(label 1)"),
+        "{}",
+        reported.definition
+    );
     assert_eq!(value(&rows, "label 1", 1, "insertion_angle"), None);
 }
 
@@ -295,7 +299,7 @@ fn distant_speck_does_not_change_traits() {
         };
         let (clean, noisy) = (row(&clean), row(&noisy));
         assert!(
-            noisy.definition.ends_with("stray points left out"),
+            noisy.definition.ends_with("outlying points left out"),
             "{}",
             noisy.definition
         );

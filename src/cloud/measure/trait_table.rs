@@ -53,15 +53,16 @@ impl Trait {
     }
 
     /// Adds the number of excluded points to the definition, if there are any.
-    pub(super) fn leaving_out(self, stray: usize) -> Self {
-        match stray {
+    pub(super) fn leaving_out(self, outliers: usize) -> Self {
+        match outliers {
             0 => self,
             1 => Self {
-                definition: format!("{}; 1 stray point left out", self.definition).into(),
+                definition: format!("{}; 1 outlying point left out", self.definition).into(),
                 ..self
             },
             _ => Self {
-                definition: format!("{}; {stray} stray points left out", self.definition).into(),
+                definition: format!("{}; {outliers} outlying points left out", self.definition)
+                    .into(),
                 ..self
             },
         }

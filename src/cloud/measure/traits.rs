@@ -59,7 +59,7 @@ pub(super) struct Measured {
     /// Thinned points, without isolated specks.
     points: Vec<DVec3>,
     /// Number of thinned points in such specks.
-    stray: usize,
+    outliers: usize,
     /// Spacing of the thinned points.
     spacing: f64,
     /// Surface area covered by `points`.
@@ -112,9 +112,9 @@ pub fn measure(
         for (instance, mut traits) in label.traits().into_iter().enumerate() {
             let body = instance.checked_sub(1).map(|k| &label.bodies[k]);
             let points = body.map_or(&label.points, |body| &body.points);
-            let stray = if body.is_some() { 0 } else { label.stray };
+            let outliers = if body.is_some() { 0 } else { label.outliers };
             let heights = ground.iter().flat_map(|ground| ground.traits(points));
-            traits.extend(heights.map(|found| found.leaving_out(stray)));
+            traits.extend(heights.map(|found| found.leaving_out(outliers)));
             traits.extend(
                 body.and_then(|body| insertion(&cloud.tree, (label.id, body), &labels, options)),
             );
@@ -255,7 +255,7 @@ impl Measured {
             bulk(&pieces, points.len()),
             join_rods(bodies, options.bridge),
         );
-        let (stray, area) = (
+        let (outliers, area) = (
             points.len() - kept.len(),
             kept.iter().map(|&k| areas[k]).sum(),
         );
@@ -264,7 +264,7 @@ impl Measured {
             id,
             count: all.len(),
             points,
-            stray,
+            outliers,
             spacing,
             area,
             bodies,
@@ -293,15 +293,15 @@ impl Measured {
             count(
                 "instances",
                 self.bodies.len(),
-                "number of groups of points that hang together",
-                self.points.len() + self.stray,
+                "number of connected groups of points",
+                self.points.len() + self.outliers,
             ),
         ];
         let extent = extent_traits(&self.points, self.area, self.spacing);
         whole.extend(
             extent
                 .into_iter()
-                .map(|found| found.leaving_out(self.stray)),
+                .map(|found| found.leaving_out(self.outliers)),
         );
         std::iter::once(whole)
             .chain(self.bodies.iter().map(|body| body.traits(self.spacing)))
@@ -312,7 +312,7 @@ impl Measured {
 /// Size of a speck, as a share of the points of the largest component.
 const SPECK: f64 = 0.01;
 /// Share of the points above which specks are kept, because the object consists of small parts.
-const MOST_STRAY: f64 = 0.05;
+const MAX_OUTLIER_SHARE: f64 = 0.05;
 
 /// Returns the indices of all points except those in isolated specks, in ascending order.
 ///
@@ -320,8 +320,8 @@ const MOST_STRAY: f64 = 0.05;
 fn bulk(pieces: &[Vec<usize>], points: usize) -> Vec<usize> {
     let largest = pieces.first().map_or(0, Vec::len);
     let is_speck = |piece: &&Vec<usize>| (piece.len() as f64) < SPECK * largest as f64;
-    let stray: usize = pieces.iter().filter(is_speck).map(Vec::len).sum();
-    if stray == 0 || stray as f64 > MOST_STRAY * points as f64 {
+    let outliers: usize = pieces.iter().filter(is_speck).map(Vec::len).sum();
+    if outliers == 0 || outliers as f64 > MAX_OUTLIER_SHARE * points as f64 {
         return (0..points).collect();
     }
     let mut kept: Vec<usize> = pieces

@@ -208,7 +208,8 @@ impl Collapsing {
         let share =
             ((point - from).dot(to - from) / from.distance_squared(to)).clamp(0.0, 1.0) as f32;
         let [a_at, b_at] = [a, b].map(|vertex| vertex as usize);
-        self.mesh.looks[a_at] = self.mesh.looks[a_at].lerp(self.mesh.looks[b_at], share);
+        self.mesh.attributes[a_at] =
+            self.mesh.attributes[a_at].lerp(self.mesh.attributes[b_at], share);
         self.mesh.positions[a_at] = point;
         let other = self.quadrics[b_at];
         self.quadrics[a_at] += other;

@@ -12,7 +12,7 @@ pub(super) struct Welded {
     /// In world units.
     pub(super) positions: Vec<DVec3>,
     /// Red, green, blue (0–255) and confidence of each vertex.
-    pub(super) looks: Vec<Vec4>,
+    pub(super) attributes: Vec<Vec4>,
     /// Vertex indices of each triangle.
     pub(super) triangles: Vec<[u32; 3]>,
     /// The label of each triangle.
@@ -25,7 +25,7 @@ impl Welded {
         let vertices = &mesh.vertices;
         let mut welded = Self {
             positions: Vec::new(),
-            looks: Vec::new(),
+            attributes: Vec::new(),
             triangles: Vec::new(),
             labels: Vec::new(),
         };
@@ -38,7 +38,7 @@ impl Welded {
                 let [red, green, blue] = vertices.colors[at].map(f32::from);
                 welded.positions.push(position.as_dvec3());
                 welded
-                    .looks
+                    .attributes
                     .push(Vec4::new(red, green, blue, vertices.confidence[at]));
                 welded.positions.len() as u32 - 1
             }));
@@ -95,7 +95,7 @@ impl Welded {
         normal: Vec3,
         label: LabelId,
     ) -> u32 {
-        let [red, green, blue, confidence] = self.looks[vertex].to_array();
+        let [red, green, blue, confidence] = self.attributes[vertex].to_array();
         vertices.positions.push(self.positions[vertex].as_vec3());
         vertices.normals.push(normal);
         vertices

@@ -178,7 +178,8 @@ pub(super) fn read_vertex(
         let word = words
             .next()
             .ok_or("a line has fewer numbers than the header says")?;
-        word.parse().map_err(|_| format!("'{word}' is no number"))
+        word.parse()
+            .map_err(|_| format!("'{word}' is not a number"))
     };
     let mut vertex = Vertex::new();
     for column in &layout.columns {
@@ -230,5 +231,5 @@ fn read_list(
 fn whole(word: Option<&str>) -> Result<i64, String> {
     let word = word.ok_or("a line has fewer numbers than the header says")?;
     word.parse()
-        .map_err(|_| format!("'{word}' is no whole number"))
+        .map_err(|_| format!("'{word}' is not a whole number"))
 }

@@ -100,7 +100,7 @@ impl Layout {
             })?;
         if header.elements.len() != names.len() {
             return Err(
-                "two elements of its header have the same name; write it anew with another program"
+                "two elements of its header have the same name; write it again with another program"
                     .into(),
             );
         }
@@ -190,7 +190,7 @@ fn header_lines(reader: &mut impl BufRead) -> Result<Vec<String>, String> {
             line.drain(..BYTE_ORDER_MARK.len());
         }
         if lines.is_empty() && line.trim_ascii() != b"ply" {
-            return Err("it does not begin with 'ply', so it is no PLY file".into());
+            return Err("it does not begin with 'ply', so it is not a PLY file".into());
         }
         if line.is_empty() || bytes > MAX_HEADER_BYTES {
             return Err("its header has no end ('end_header' is missing); the file is cut off or no PLY file".into());

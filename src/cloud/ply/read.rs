@@ -396,7 +396,7 @@ fn label_id(value: f64) -> Result<LabelId, String> {
     let whole = value.round();
     if (value - whole).abs() > 1e-3 || !(0.0..=65535.0).contains(&whole) {
         return Err(format!(
-            "its label {value} is no whole number from 0 to 65535; renumber the labels"
+            "its label {value} is not a whole number from 0 to 65535; renumber the labels"
         ));
     }
     Ok(LabelId(whole as u16))

@@ -76,7 +76,7 @@ pub fn label_paths(path: &Path, cloud: &LabelledCloud) -> BTreeMap<LabelId, Path
             name = format!("{name}_{}", id.0);
         }
         if present.contains(&id) {
-            paths.insert(id, beside(path, &name));
+            paths.insert(id, adjacent(path, &name));
         }
     }
     paths
@@ -97,10 +97,10 @@ const TWIN: &str = "labels";
 /// Returns the path of the copy of a cloud in label colours: `STEM_labels.ENDING`.
 #[must_use]
 pub fn twin_path(path: &Path) -> PathBuf {
-    beside(path, TWIN)
+    adjacent(path, TWIN)
 }
 
-fn beside(path: &Path, suffix: &str) -> PathBuf {
+fn adjacent(path: &Path, suffix: &str) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let ending = path
         .extension()

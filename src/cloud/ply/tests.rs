@@ -21,7 +21,7 @@ fn read(bytes: &[u8]) -> Result<PlyCloud, String> {
 
 fn written(cloud: &LabelledCloud) -> Vec<u8> {
     let mut bytes = Vec::new();
-    write_ply(&mut bytes, cloud, Coloring::Picture, &Progress::default()).unwrap();
+    write_ply(&mut bytes, cloud, Coloring::Image, &Progress::default()).unwrap();
     bytes
 }
 
@@ -160,9 +160,9 @@ fn errors_say_what_is_wrong() {
     assert!(fault(format!("{header}1 2 3 1.5\n")).contains("label 1.5"));
     assert!(fault(format!("{header}1 2 3 65536\n")).contains("label 65536"));
     assert!(fault(format!("{header}1 2 3\n")).contains("fewer numbers"));
-    assert!(fault(format!("{header}1 2 3 a\n")).contains("'a' is no number"));
+    assert!(fault(format!("{header}1 2 3 a\n")).contains("'a' is not a number"));
     assert!(fault(header.to_string()).contains("cut off"));
-    assert!(fault("obj\n".into()).contains("no PLY file"));
+    assert!(fault("obj\n".into()).contains("not a PLY file"));
     assert!(fault("ply\nformat ascii 1.0\nelement vertex 3\n".into()).contains("end_header"));
     assert!(
         fault("ply\nformat ascii 1.0\nelement face 0\nproperty int a\nend_header\n".into())
@@ -316,8 +316,7 @@ fn parts_and_label_colour_copy_are_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cloud.ply");
     let progress = Progress::default();
-    let save =
-        |path: &Path, part: &LabelledCloud| save_ply(path, part, Coloring::Picture, &progress);
+    let save = |path: &Path, part: &LabelledCloud| save_ply(path, part, Coloring::Image, &progress);
     let files = save_per_label(&path, &sample(), save).unwrap();
     let names: Vec<_> = files
         .iter()
@@ -341,7 +340,7 @@ fn parts_and_label_colour_copy_are_written() {
 fn stopped_or_failed_save_leaves_the_old_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cloud.ply");
-    save_ply(&path, &sample(), Coloring::Picture, &Progress::default()).unwrap();
+    save_ply(&path, &sample(), Coloring::Image, &Progress::default()).unwrap();
     let before = std::fs::read(&path).unwrap();
     let stopped = Progress::default();
     stopped.stop();
@@ -351,7 +350,7 @@ fn stopped_or_failed_save_leaves_the_old_file() {
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     let missing = folder.path().join("no/where.ply");
     assert!(
-        save_ply(&missing, &sample(), Coloring::Picture, &Progress::default())
+        save_ply(&missing, &sample(), Coloring::Image, &Progress::default())
             .unwrap_err()
             .to_string()
             .contains("no/where")
@@ -369,11 +368,11 @@ fn mesh_survives_a_round_trip_and_can_be_read_as_a_cloud() {
         triangles: vec![[0, 1, 2], [2, 1, 0]],
     };
     let progress = Progress::default();
-    save_mesh(&path, &mesh, Coloring::Picture, &progress).unwrap();
+    save_mesh(&path, &mesh, Coloring::Image, &progress).unwrap();
     assert!(read_mesh(&path, &progress).unwrap() == mesh);
     assert!(read_ply(&path, &progress).unwrap().cloud == mesh.vertices);
     let cloud = folder.path().join("cloud.ply");
-    save_ply(&cloud, &sample(), Coloring::Picture, &progress).unwrap();
+    save_ply(&cloud, &sample(), Coloring::Image, &progress).unwrap();
     assert!(
         read_mesh(&cloud, &progress)
             .unwrap_err()
@@ -401,7 +400,11 @@ fn ascii_meshes_with_larger_faces_are_read() {
     assert!(read("0.5 3 0 1 4").unwrap_err().contains("not there"));
     assert!(read("0.5 3 0 -1 2").unwrap_err().contains("not there"));
     assert!(read("0.5 3 0 1").unwrap_err().contains("damaged"));
-    assert!(read("0.5 3 0 1 x").unwrap_err().contains("no whole number"));
+    assert!(
+        read("0.5 3 0 1 x")
+            .unwrap_err()
+            .contains("not a whole number")
+    );
 }
 
 #[test]

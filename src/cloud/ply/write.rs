@@ -28,7 +28,7 @@ const POINT_BYTES: usize = 7 * 4 + 3 + 4;
 pub enum Coloring {
     /// Image colours.
     #[default]
-    Picture,
+    Image,
     /// Label colours.
     Labels,
 }
@@ -38,7 +38,7 @@ impl Coloring {
     #[must_use]
     pub fn of(self, cloud: &LabelledCloud) -> Cow<'_, [[u8; 3]]> {
         match self {
-            Self::Picture => Cow::Borrowed(&cloud.colors),
+            Self::Image => Cow::Borrowed(&cloud.colors),
             Self::Labels => Cow::Owned(cloud.label_colors()),
         }
     }

@@ -29,7 +29,7 @@ impl Eye {
         let (camera, pose) = match self {
             Self::Frame(number) => {
                 let refuse = |why: &str| {
-                    SceneError::Request(format!("frame {number} {why}; look from another one"))
+                    SceneError::Request(format!("frame {number} {why}; choose another one"))
                 };
                 let frame = frames.get(*number).ok_or_else(|| refuse("is not there"))?;
                 frame

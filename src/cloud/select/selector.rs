@@ -58,7 +58,8 @@ pub struct SeenRegion {
     pub isolated: Option<LabelId>,
     /// If set, only points whose label won less than this share of the votes are shown, 0–1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub doubtful_below: Option<f32>,
+    #[serde(alias = "doubtful_below")]
+    pub uncertain_below: Option<f32>,
     /// Transform from world space to the cube from −1 to 1 that bounds the visible points.
     ///
     /// With `None`, all of world space is visible.
@@ -184,7 +185,7 @@ impl Selector {
                 let pieces = pieces(&self.cloud.positions, self.spacing, &indices(inside));
                 let piece = pieces.get(*rank).ok_or_else(|| {
                     SceneError::Request(format!(
-                        "there is no piece {rank}: the chosen points are in {}",
+                        "there is no part {rank}: the chosen points are in {}",
                         pieces.len()
                     ))
                 })?;
@@ -223,8 +224,8 @@ impl Selector {
                 .is_none_or(|cube| cube.transform_point3(x).abs().max_element() <= 1.0)
         };
         let stands_out = |point: usize| {
-            seen.doubtful_below
-                .is_none_or(|below| self.cloud.is_doubtful(point, below))
+            seen.uncertain_below
+                .is_none_or(|below| self.cloud.is_uncertain(point, below))
         };
         let is_drawn = |point: usize| {
             !hidden.contains(&self.cloud.labels[point])

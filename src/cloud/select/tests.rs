@@ -62,7 +62,7 @@ fn lasso(corners: &[[f64; 2]]) -> SeenRegion {
         remove: false,
         hidden: Vec::new(),
         isolated: None,
-        doubtful_below: None,
+        uncertain_below: None,
         cube_from_world: None,
     }
 }
@@ -103,7 +103,7 @@ fn occluded_points_are_not_selected() {
     let seen = 101 * 101 - shadowed(&cloud);
     assert!(
         wall.abs_diff(seen) < seen / 50,
-        "{wall} of the wall, {seen} are beside the shadow"
+        "{wall} of the wall, {seen} are next to the shadow"
     );
     let middle = lasso(&[
         [170.0, 170.0],
@@ -146,12 +146,12 @@ fn filtered_and_clipped_points_do_not_occlude() {
         .iter()
         .map(|&id| if id == PLATE { 1.0 } else { 0.6 })
         .collect();
-    let doubtful = SeenRegion {
-        doubtful_below: Some(0.7),
+    let uncertain = SeenRegion {
+        uncertain_below: Some(0.7),
         ..everything()
     };
     assert_eq!(
-        counts(&contested, &[SelectStep::Seen(doubtful)]),
+        counts(&contested, &[SelectStep::Seen(uncertain)]),
         (0, 101 * 101)
     );
     // From z = 0.5 to z = 1.5, without limits to the sides.

@@ -40,12 +40,12 @@ pub(super) struct Block {
 /// One side of the surfaces near the samples of a block.
 #[derive(Debug, Clone)]
 struct Layer {
-    rows: [Row; ROWS],
+    rows: [VoxelRow; ROWS],
 }
 
 /// The samples of a row.
 #[derive(Debug, Clone, Copy)]
-struct Row {
+struct VoxelRow {
     /// Signed distance from the surface in truncations, averaged over frames.
     ///
     /// It ranges from −1 (behind) to 1 (in front).
@@ -74,7 +74,7 @@ pub(super) struct Voxel {
 }
 
 /// A frame's measurements of the voxels of a row.
-pub(super) struct Said<'a> {
+pub(super) struct RowUpdate<'a> {
     /// Mask of the measured voxels: all bits set.
     pub(super) of: f32x8,
     /// Signed distance from the surface in truncations, −1 to 1; 1 is far in front of it.
@@ -141,28 +141,29 @@ impl Block {
     }
 
     /// Adds a frame's measurements of the voxels of a row.
-    pub(super) fn update(&mut self, row: usize, said: &Said<'_>) {
-        let past = said.of & said.distance.simd_ge(f32x8::ONE);
-        let near = said.of & said.distance.simd_lt(f32x8::ONE);
-        let of_second = self.of_second(row, near.to_bitmask(), said);
-        self.first.rows[row].update(near & of_second.simd_eq(f32x8::ZERO), past, said);
+    pub(super) fn update(&mut self, row: usize, update_row: &RowUpdate<'_>) {
+        let past = update_row.of & update_row.distance.simd_ge(f32x8::ONE);
+        let near = update_row.of & update_row.distance.simd_lt(f32x8::ONE);
+        let of_second = self.of_second(row, near.to_bitmask(), update_row);
+        self.first.rows[row].update(near & of_second.simd_eq(f32x8::ZERO), past, update_row);
         let of_second = of_second.simd_gt(f32x8::ZERO);
         if of_second.any() {
-            self.second.get_or_insert_with(Layer::new).rows[row].update(of_second, past, said);
+            self.second.get_or_insert_with(Layer::new).rows[row]
+                .update(of_second, past, update_row);
         } else if let Some(second) = &mut self.second {
-            second.rows[row].update(f32x8::ZERO, past, said);
+            second.rows[row].update(f32x8::ZERO, past, update_row);
         }
     }
 
     /// Returns 1 in the lanes whose pixels see the side of the second layer, otherwise 0.
     ///
     /// Only the given lanes are examined.
-    fn of_second(&self, row: usize, lanes: u32, said: &Said<'_>) -> f32x8 {
+    fn of_second(&self, row: usize, lanes: u32, update_row: &RowUpdate<'_>) -> f32x8 {
         let mut of_second = [0.0; EDGE];
         let first = &self.first.rows[row];
         let second = self.second.as_ref().map(|layer| &layer.rows[row]);
         for lane in lanes_in(lanes) {
-            let normal = said.pixels[lane].normal;
+            let normal = update_row.pixels[lane].normal;
             if first.weight[lane] > 0.0 {
                 let other = second
                     .filter(|row| row.weight[lane] > 0.0)
@@ -182,7 +183,7 @@ impl Block {
 
 impl Layer {
     fn new() -> Box<Self> {
-        const UNSEEN: Row = Row {
+        const UNSEEN: VoxelRow = VoxelRow {
             distance: [0.0; EDGE],
             weight: [0.0; EDGE],
             color: [[0; 3]; EDGE],
@@ -214,28 +215,29 @@ impl Layer {
     }
 }
 
-impl Row {
+impl VoxelRow {
     /// Adds the measurements of the lanes `near` to this side.
     ///
     /// Lanes in `past` move away from the surface if it was seen there.
-    fn update(&mut self, near: f32x8, past: f32x8, said: &Said<'_>) {
+    fn update(&mut self, near: f32x8, past: f32x8, update_row: &RowUpdate<'_>) {
         let old = f32x8::new(self.weight);
         let past = past & old.simd_gt(f32x8::ZERO);
         let changed = near | past;
         if !changed.any() {
             return;
         }
-        let weight = changed & past.bitselect(said.weight * f32x8::splat(PAST), said.weight);
+        let weight =
+            changed & past.bitselect(update_row.weight * f32x8::splat(PAST), update_row.weight);
         let sum = old + weight;
         let share = weight / sum.fast_max(f32x8::splat(f32::MIN_POSITIVE));
         let distance = f32x8::new(self.distance);
-        self.distance = (distance + (said.distance - distance) * share).to_array();
+        self.distance = (distance + (update_row.distance - distance) * share).to_array();
         self.weight = sum.fast_min(f32x8::splat(MOST_WEIGHT)).to_array();
         let lanes = near.to_bitmask();
         if lanes != 0 {
             let shares = (share * f32x8::splat(SHARES)).fast_round_int().to_array();
             for lane in lanes_in(lanes) {
-                self.see(lane, said.pixels[lane], shares[lane]);
+                self.see(lane, update_row.pixels[lane], shares[lane]);
             }
         }
     }

@@ -39,7 +39,7 @@ struct Vertices {
 type Layers = [Option<Voxel>; 2];
 
 /// A block and those after it, by the number of their corner.
-struct Around<'a> {
+struct NeighbourBlocks<'a> {
     numbers: [Option<usize>; 8],
     blocks: [Option<&'a Block>; 8],
     /// The first corner of the block in world space.
@@ -96,10 +96,10 @@ impl Volume {
         Ok(raw)
     }
 
-    fn around(&self, block: &Block) -> Around<'_> {
+    fn around(&self, block: &Block) -> NeighbourBlocks<'_> {
         let numbers = std::array::from_fn(|next| self.block(block.place + corner(next as i32)));
         let blocks = numbers.map(|number| number.map(|number| &self.blocks[number]));
-        Around {
+        NeighbourBlocks {
             numbers,
             blocks,
             corner: self.corner(block.place),
@@ -129,7 +129,7 @@ impl Volume {
     /// Adds the vertices, in up to two layers, between a voxel and the next along an axis.
     fn vertices_on(
         &self,
-        around: &Around<'_>,
+        around: &NeighbourBlocks<'_>,
         (voxel, axis): (usize, usize),
         found: &mut Vertices,
     ) {
@@ -228,7 +228,7 @@ fn same_side(layers: Layers, normal: Facing) -> Option<(usize, Voxel)> {
     (first.max(second) > Facing::SAME_SIDE).then_some((best, layers[best]?))
 }
 
-impl Around<'_> {
+impl NeighbourBlocks<'_> {
     fn signs(&self, signs: &[Signs]) -> SignsAround {
         SignsAround::new(
             self.numbers

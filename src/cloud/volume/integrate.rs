@@ -2,7 +2,7 @@ use glam::{DVec3, IVec3, Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 use wide::{f32x8, i32x8};
 
-use super::block::{Block, EDGE, ROWS, Said, lanes_in};
+use super::block::{Block, EDGE, ROWS, RowUpdate, lanes_in};
 use super::measured::{Measured, Pixel};
 use super::sparse_volume::Volume;
 use ostra_core::job::{Progress, Stopped};
@@ -39,9 +39,9 @@ impl Volume {
         let (origin, voxel, truncation) = (self.origin, self.options.voxel, self.truncation());
         let sight = |block: &Block| {
             let corner = origin + block.place.as_dvec3() * (EDGE as f64 * voxel);
-            Sight::new(frame, corner, voxel, truncation)
+            BlockView::new(frame, corner, voxel, truncation)
         };
-        let mut seen: Vec<(Sight<'_>, &mut Block)> = self
+        let mut seen: Vec<(BlockView<'_>, &mut Block)> = self
             .blocks
             .iter_mut()
             .filter(|block| block.frame == number)
@@ -191,7 +191,7 @@ impl Places {
 }
 
 /// A block in the camera space of one frame.
-struct Sight<'a> {
+struct BlockView<'a> {
     frame: &'a Measured,
     /// The first voxel of the block in camera space; `steps` lead to the next one in x, y and z.
     corner: Vec3,
@@ -199,7 +199,7 @@ struct Sight<'a> {
     truncation: f32,
 }
 
-impl<'a> Sight<'a> {
+impl<'a> BlockView<'a> {
     fn new(frame: &'a Measured, corner: DVec3, voxel: f64, truncation: f32) -> Self {
         let corner = (frame.rotation * corner + frame.translation).as_vec3();
         let axes = [
@@ -233,8 +233,8 @@ impl<'a> Sight<'a> {
             let first = self.corner
                 + self.steps[1] * (row % EDGE) as f32
                 + self.steps[2] * (row / EDGE) as f32;
-            if let Some(said) = self.row(first) {
-                block.update(row, &said);
+            if let Some(update_row) = self.row(first) {
+                block.update(row, &update_row);
             }
         }
     }
@@ -242,7 +242,7 @@ impl<'a> Sight<'a> {
     /// Returns the frame's measurements of a row of voxels.
     ///
     /// The row starts at `first` in camera space.
-    fn row(&self, first: Vec3) -> Option<Said<'a>> {
+    fn row(&self, first: Vec3) -> Option<RowUpdate<'a>> {
         let along = |first: f32, step: f32| f32x8::splat(first) + RAMP * f32x8::splat(step);
         let [x, y, z] = [0, 1, 2].map(|axis| along(first[axis], self.steps[0][axis]));
         let inverse = f32x8::ONE / z;
@@ -277,7 +277,7 @@ impl<'a> Sight<'a> {
         }
         let behind = ((f32x8::ONE + distance) * f32x8::splat(1.0 / (1.0 - FULL_BEHIND)))
             .fast_min(f32x8::ONE);
-        Some(Said {
+        Some(RowUpdate {
             of,
             distance: distance.fast_min(f32x8::ONE),
             weight: weight * behind * behind,

@@ -142,7 +142,7 @@ fn load(
         .any(|size| *size != (frame.width, frame.height))
     {
         return Err(SceneError::Request(format!(
-            "frame '{}': picture, depth and camera differ in size; give all in the picture's size",
+            "frame '{}': image, depth and camera differ in size; give all in the image's size",
             frame.name
         )));
     }

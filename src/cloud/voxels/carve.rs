@@ -189,7 +189,7 @@ pub(super) fn carve(
         };
         if (depth.width, depth.height) != (camera.width, camera.height) {
             return Err(SceneError::Request(format!(
-                "frame '{}': depth and camera differ in size; give both in the picture's size",
+                "frame '{}': depth and camera differ in size; give both in the image's size",
                 frame.name
             )));
         }

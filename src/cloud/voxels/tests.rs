@@ -7,7 +7,7 @@ use super::*;
 use crate::fuse::Views;
 use crate::{LabelledCloud, LabelledMesh, SceneError};
 use ostra_core::job::Progress;
-use ostra_frames::{DepthMap, Frame, FrameCamera, Image, Orientation, PictureSource};
+use ostra_frames::{DepthMap, Frame, FrameCamera, Image, ImageSource, Orientation};
 use ostra_geometry::{Camera, Pose};
 use ostra_masks::{LabelId, LabelMask};
 
@@ -37,7 +37,7 @@ impl Views for Made {
         true
     }
     fn image(&self, _: usize) -> Result<Arc<Image>, SceneError> {
-        Err(SceneError::Request("no picture is needed".into()))
+        Err(SceneError::Request("no image is needed".into()))
     }
     fn depth(&self, index: usize) -> Result<Option<Arc<DepthMap>>, SceneError> {
         Ok(Some(self.depths[index].clone()))
@@ -170,7 +170,7 @@ impl Made {
             name: format!("{:03}", self.frames.len()),
             width: SIZE,
             height: SIZE,
-            picture: PictureSource::File {
+            image: ImageSource::File {
                 path: "none".into(),
                 orientation: Orientation(1),
             },

@@ -181,7 +181,7 @@ pub enum GpuError {
     },
     /// The data is larger than a device accepts in one buffer.
     #[error(
-        "{what} need {} MiB in one piece, and a graphics card takes {} MiB; make the input smaller, or choose the \
+        "{what} need {} MiB in one buffer, and a graphics card takes {} MiB; make the input smaller, or choose the \
          device 'cpu'",
         bytes.div_ceil(1 << 20),
         limit >> 20

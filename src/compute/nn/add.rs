@@ -15,12 +15,12 @@ pub struct Added {
     /// Path of the copy.
     pub path: PathBuf,
     /// How the file was verified.
-    pub proof: Proof,
+    pub proof: Verification,
 }
 
 /// How an added file was verified.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Proof {
+pub enum Verification {
     /// It loads and has the expected inputs and outputs.
     Fits,
     /// It loads; its expected inputs and outputs are not known.
@@ -93,48 +93,56 @@ fn count(files: usize) -> String {
     }
 }
 
-fn prove_library(path: &Path) -> Result<Proof, NnError> {
+fn prove_library(path: &Path) -> Result<Verification, NnError> {
     readable(path)?;
     if let Some(other) = Runtime::loaded().filter(|runtime| runtime.path() != whole(path)) {
-        return Ok(Proof::None(format!(
+        return Ok(Verification::None(format!(
             "{} is in use until the program is started again",
             other.path().display()
         )));
     }
-    Runtime::open(path).map(|_| Proof::Loads)
+    Runtime::open(path).map(|_| Verification::Loads)
 }
 
-fn prove_networks(entry: &Entry, paths: &[PathBuf]) -> Result<Vec<Proof>, NnError> {
+fn prove_networks(entry: &Entry, paths: &[PathBuf]) -> Result<Vec<Verification>, NnError> {
     paths.iter().try_for_each(|path| readable(path))?;
     let pairs = entry.files().iter().zip(paths);
     let prove = |(file, path): (&NetworkFile, &PathBuf)| match Runtime::find() {
-        _ if file.is_text => text(path).map(|_| Proof::Loads),
+        _ if file.is_text => text(path).map(|_| Verification::Loads),
         Ok(runtime) => prove_by_loading(&runtime, file, path),
         Err(error) => prove_by_digest(file, path, &error),
     };
     pairs.map(prove).collect()
 }
 
-fn prove_by_loading(runtime: &Runtime, file: &NetworkFile, path: &Path) -> Result<Proof, NnError> {
+fn prove_by_loading(
+    runtime: &Runtime,
+    file: &NetworkFile,
+    path: &Path,
+) -> Result<Verification, NnError> {
     let expected = file.signature();
     Network::load(runtime, path, expected.as_ref())?;
     Ok(if expected.is_some() {
-        Proof::Fits
+        Verification::Fits
     } else {
-        Proof::Loads
+        Verification::Loads
     })
 }
 
-fn prove_by_digest(file: &NetworkFile, path: &Path, why: &NnError) -> Result<Proof, NnError> {
+fn prove_by_digest(
+    file: &NetworkFile,
+    path: &Path,
+    why: &NnError,
+) -> Result<Verification, NnError> {
     let Some(expected) = &file.sha256 else {
-        return Ok(Proof::None(why.to_string()));
+        return Ok(Verification::None(why.to_string()));
     };
     let found = sha256(path).map_err(|reason| NnError::Io {
         path: path.to_owned(),
         reason,
     })?;
     if found == *expected || file.other_sha256.contains(&found) {
-        return Ok(Proof::Known);
+        return Ok(Verification::Known);
     }
     Err(NnError::Digest {
         path: path.to_owned(),

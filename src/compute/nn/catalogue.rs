@@ -159,8 +159,8 @@ impl NetworkFile {
     /// Returns the expected inputs and outputs; `None` if they are not specified.
     #[must_use]
     pub fn signature(&self) -> Option<Signature> {
-        let is_told = !(self.inputs.is_empty() && self.outputs.is_empty());
-        is_told.then(|| Signature {
+        let is_given = !(self.inputs.is_empty() && self.outputs.is_empty());
+        is_given.then(|| Signature {
             inputs: self.inputs.clone(),
             outputs: self.outputs.clone(),
         })

@@ -17,7 +17,7 @@ mod tensor;
 #[cfg(test)]
 mod tests;
 
-pub use add::{Added, Proof, add};
+pub use add::{Added, Verification, add};
 pub use catalogue::{Catalogue, Entry, NetworkFile};
 pub use error::NnError;
 pub use install::{Fetched, install};

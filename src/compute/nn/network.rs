@@ -154,7 +154,7 @@ impl Network {
 }
 
 /// Interval at which `is_wanted` is polled.
-const ASKED_EVERY: Duration = Duration::from_millis(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
 /// Terminates a run that is no longer wanted; returns when the run has `ended`.
 fn terminate_unless(
@@ -162,7 +162,7 @@ fn terminate_unless(
     is_wanted: &(dyn Fn() -> bool + Sync),
     ended: &Receiver<()>,
 ) {
-    while ended.recv_timeout(ASKED_EVERY) == Err(RecvTimeoutError::Timeout) {
+    while ended.recv_timeout(POLL_INTERVAL) == Err(RecvTimeoutError::Timeout) {
         if !is_wanted() {
             // If this fails, the run continues to its end.
             let _ = options.terminate();

@@ -124,7 +124,7 @@ fn what_is_wrong(error: &LoadDynamicError) -> String {
     match error {
         LoadDynamicError::Dlopen { error, .. } => error.to_string(),
         LoadDynamicError::MissingApi { .. } => "it is another library".to_owned(),
-        LoadDynamicError::InvalidVersionString => "it does not tell its version".to_owned(),
+        LoadDynamicError::InvalidVersionString => "it does not report its version".to_owned(),
         LoadDynamicError::BadVersion { version_str, .. } => {
             format!("it is of version {version_str}")
         }

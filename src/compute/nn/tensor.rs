@@ -162,7 +162,7 @@ impl fmt::Display for Port {
 ///
 /// An input of any size must be left open by the network; an output need not be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Way {
+enum PortRole {
     Input,
     Output,
 }
@@ -173,7 +173,7 @@ impl Signature {
     /// # Errors
     /// Returns the expected and the actual interface.
     pub fn fits(&self, found: &Signature) -> Result<(), String> {
-        ports_fit(&self.inputs, &found.inputs, Way::Input)?;
+        ports_fit(&self.inputs, &found.inputs, PortRole::Input)?;
         let unfed = found
             .inputs
             .iter()
@@ -181,12 +181,16 @@ impl Signature {
         if let Some(port) = unfed {
             return Err(format!("has an input {port} that was not expected"));
         }
-        ports_fit(&self.outputs, &found.outputs, Way::Output)
+        ports_fit(&self.outputs, &found.outputs, PortRole::Output)
     }
 }
 
-fn ports_fit(expected: &[Port], found: &[Port], way: Way) -> Result<(), String> {
-    let kind = if way == Way::Input { "input" } else { "output" };
+fn ports_fit(expected: &[Port], found: &[Port], way: PortRole) -> Result<(), String> {
+    let kind = if way == PortRole::Input {
+        "input"
+    } else {
+        "output"
+    };
     for port in expected {
         let Some(there) = found.iter().find(|there| there.name == port.name) else {
             return Err(format!(
@@ -217,10 +221,10 @@ fn named(ports: &[Port]) -> String {
 }
 
 /// Compares shapes; an undeclared shape is empty and fits until the network runs.
-fn shape_fits(expected: &[Option<usize>], found: &[Option<usize>], way: Way) -> bool {
+fn shape_fits(expected: &[Option<usize>], found: &[Option<usize>], way: PortRole) -> bool {
     let size_fits = |(expected, found): (&Option<usize>, &Option<usize>)| match (expected, found) {
         (Some(expected), Some(found)) => expected == found,
-        (None, Some(_)) => way == Way::Output,
+        (None, Some(_)) => way == PortRole::Output,
         (_, None) => true,
     };
     found.is_empty() || (expected.len() == found.len() && expected.iter().zip(found).all(size_fits))

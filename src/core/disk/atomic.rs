@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use tempfile::{Builder, NamedTempFile, TempDir};
 
 use super::fault::without_path;
-use super::in_place::is_still_at;
+use super::open::is_still_at;
 use super::temporary::{LOCK, PREFIX, SUFFIX, Unfinished};
 
 /// A file that replaces another one only when it is complete.

@@ -57,10 +57,10 @@ mod tests {
     #[test]
     fn full_disk_is_not_reported_as_a_missing_file() {
         let full = Error::from(ErrorKind::StorageFull);
-        for said in [read_fault(&full), write_fault(&full), fault(&full)] {
+        for message in [read_fault(&full), write_fault(&full), fault(&full)] {
             assert!(
-                said.starts_with("cannot be written (") && said.contains("free some space"),
-                "{said}"
+                message.starts_with("cannot be written (") && message.contains("free some space"),
+                "{message}"
             );
         }
         let missing = Error::from(ErrorKind::NotFound);

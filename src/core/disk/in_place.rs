@@ -2,6 +2,7 @@ use std::fs::{self, File, Metadata, OpenOptions};
 use std::io::{Error, ErrorKind, Result};
 use std::path::Path;
 
+use super::open::is_same_file;
 use super::write;
 
 /// Opens a file that is changed in place, such as a journal, for reading and writing.
@@ -39,16 +40,6 @@ pub fn open_in_place(path: &Path) -> Result<File> {
     }
 }
 
-/// Returns whether an open file is still the one at `path`.
-///
-/// Another process may have removed or replaced it since.
-#[must_use]
-pub fn is_still_at(file: &File, path: &Path) -> bool {
-    fs::symlink_metadata(path)
-        .and_then(|now| Ok(is_same_file(&now, &file.metadata()?)))
-        .unwrap_or(false)
-}
-
 fn options() -> OpenOptions {
     let mut options = OpenOptions::new();
     options.read(true).write(true);
@@ -74,17 +65,6 @@ fn has_other_names(found: &Metadata) -> bool {
 #[cfg(not(unix))]
 fn has_other_names(_: &Metadata) -> bool {
     false
-}
-
-#[cfg(unix)]
-fn is_same_file(a: &Metadata, b: &Metadata) -> bool {
-    use std::os::unix::fs::MetadataExt;
-    (a.dev(), a.ino()) == (b.dev(), b.ino())
-}
-
-#[cfg(not(unix))]
-fn is_same_file(a: &Metadata, b: &Metadata) -> bool {
-    a.len() == b.len()
 }
 
 #[cfg(all(test, unix))]

@@ -1,4 +1,4 @@
-use std::fs::{self, File, FileType};
+use std::fs::{self, File, FileType, Metadata};
 use std::io::{BufRead, Error, ErrorKind, Read, Result};
 use std::path::Path;
 
@@ -162,6 +162,27 @@ pub fn is_system_file(name: &str) -> bool {
     let name = name.to_ascii_lowercase();
     SYSTEM_FOLDERS.contains(&name.as_str())
         || THUMBNAIL_STARTS.iter().any(|start| name.starts_with(start))
+}
+
+/// Returns whether an open file is still the one at `path`.
+///
+/// Another process may have removed or replaced it since.
+#[must_use]
+pub fn is_still_at(file: &File, path: &Path) -> bool {
+    fs::symlink_metadata(path)
+        .and_then(|now| Ok(is_same_file(&now, &file.metadata()?)))
+        .unwrap_or(false)
+}
+
+#[cfg(unix)]
+pub(super) fn is_same_file(a: &Metadata, b: &Metadata) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    (a.dev(), a.ino()) == (b.dev(), b.ino())
+}
+
+#[cfg(not(unix))]
+pub(super) fn is_same_file(a: &Metadata, b: &Metadata) -> bool {
+    a.len() == b.len()
 }
 
 #[cfg(test)]

@@ -142,7 +142,7 @@ mod tests {
         let (begin, begun) = sync_channel::<u32>(0);
         let (go, gate) = sync_channel::<()>(0);
         let gate = Mutex::new(gate);
-        let (told, notified) = channel();
+        let (reported, notified) = channel();
         let loader = Loader::new(
             "test",
             1,
@@ -151,7 +151,7 @@ mod tests {
                 gate.lock().unwrap().recv().unwrap();
                 key * 10
             },
-            move || told.send(()).unwrap(),
+            move || reported.send(()).unwrap(),
         );
         loader.want(vec![1, 2, 3]);
         assert_eq!(begun.recv().unwrap(), 1);

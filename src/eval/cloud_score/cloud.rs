@@ -30,7 +30,7 @@ pub struct CloudScoreOptions {
     /// Features that show which ground truth points a camera sees, for the comparison in depth.
     ///
     /// `None` uses the points in the frustums of `cameras` that are not occluded.
-    pub pictures: Option<FeatureViews>,
+    pub images: Option<FeatureViews>,
     /// Transform of the result into the coordinates of the ground truth.
     pub truth_from_result: Option<Similarity>,
 }
@@ -90,11 +90,11 @@ pub fn score_cloud(
     let to_result = distances(&truth.cloud.positions, &in_result, progress)?;
     let to_truth = distances(&result.positions, &in_truth, progress)?;
     let clouds = (truth.all.as_slice(), result.positions.as_slice());
-    let in_depth = match &options.pictures {
+    let in_depth = match &options.images {
         Some(views) => differences_by_features(clouds, views, progress)?,
         None => differences_by_guess(clouds, &options.cameras, progress)?,
     };
-    let has_cameras = options.pictures.is_some() || !options.cameras.is_empty();
+    let has_cameras = options.images.is_some() || !options.cameras.is_empty();
     let first = options.within.first().copied().unwrap_or(f64::INFINITY);
     let paired = pair_labels(&truth.cloud.tree, &result.tree);
     let taken = to_result

@@ -34,15 +34,15 @@ pub(super) fn differences_by_features(
     let seen = views.seen_truth(truth, progress)?;
     if seen.iter().all(Vec::is_empty) {
         return Err(SceneError::Request(format!(
-            "none of the {} pictures shows a truth point by a feature that three of them have in common from different \
-             sides; check that they belong to the cameras, give more, or leave them out",
+            "none of the {} images shows a point of the ground truth by a feature that three of them share from different \
+             sides; check that they belong to the cameras, give more images, or leave them out",
             views.cameras.len()
         )));
     }
     let of_view = |(number, camera): (usize, &FrameCamera)| {
         progress.check()?;
-        let seen_truth =
-            Picture::new(truth, camera).only(|dot| seen[number].binary_search(&dot.index).is_ok());
+        let seen_truth = PointsByPixel::new(truth, camera)
+            .only(|dot| seen[number].binary_search(&dot.index).is_ok());
         Ok(differences(&front(result, camera), &seen_truth))
     };
     let all: Vec<Vec<f32>> = views
@@ -67,7 +67,7 @@ pub(super) fn differences_by_guess(
     let of_camera = |camera: &FrameCamera| {
         progress.check()?;
         let result = front(result, camera);
-        let truth = Picture::new(truth, camera)
+        let truth = PointsByPixel::new(truth, camera)
             .front(TRUTH_HIDES_PX)
             .before(&result, RESULT_HIDES_PX);
         Ok(differences(&result, &truth))
@@ -80,11 +80,11 @@ pub(super) fn differences_by_guess(
 }
 
 /// Returns the result points that no other result point occludes.
-fn front(result: &[Vec3], camera: &FrameCamera) -> Picture {
-    Picture::new(result, camera).front(RESULT_HIDES_PX)
+fn front(result: &[Vec3], camera: &FrameCamera) -> PointsByPixel {
+    PointsByPixel::new(result, camera).front(RESULT_HIDES_PX)
 }
 
-fn differences(result: &Picture, truth: &Picture) -> Vec<f32> {
+fn differences(result: &PointsByPixel, truth: &PointsByPixel) -> Vec<f32> {
     result
         .dots
         .iter()
@@ -93,7 +93,7 @@ fn differences(result: &Picture, truth: &Picture) -> Vec<f32> {
 }
 
 /// Returns the depth difference to the nearest ground truth point within a pixel.
-fn difference(dot: &Dot, truth: &Picture) -> Option<f32> {
+fn difference(dot: &Dot, truth: &PointsByPixel) -> Option<f32> {
     let aside = |other: &Dot| DVec2::distance(other.at_px, dot.at_px);
     let near = truth
         .around(dot.at_px, 1)
@@ -116,7 +116,7 @@ pub struct FeatureViews {
 /// It must hold in all images that show the feature.
 const SAME_PX: f64 = 1.0;
 /// Minimum number of images that show a feature.
-const LEAST_PICTURES: usize = 3;
+const LEAST_IMAGES: usize = 3;
 /// Minimum angle between viewing directions of a feature, in radians.
 ///
 /// A point that is farther behind by 0.02 of the depth is then about a pixel aside in some images.
@@ -152,15 +152,15 @@ impl FeatureViews {
             .zip(&self.cameras)
             .map(meetings)
             .collect::<Result<_, Stopped>>()?;
-        let mut pictures: BTreeMap<(u32, u32), usize> = BTreeMap::new();
+        let mut images: BTreeMap<(u32, u32), usize> = BTreeMap::new();
         by_camera
             .iter()
             .flatten()
-            .for_each(|&pair| *pictures.entry(pair).or_default() += 1);
+            .for_each(|&pair| *images.entry(pair).or_default() += 1);
         let seen = |pairs: Vec<(u32, u32)>| {
             let same = pairs
                 .iter()
-                .filter(|pair| pictures[pair] == tracks[pair.0 as usize].len());
+                .filter(|pair| images[pair] == tracks[pair.0 as usize].len());
             let mut seen: Vec<u32> = same.map(|&(_, truth)| truth).collect();
             seen.sort_unstable();
             seen.dedup();
@@ -190,7 +190,7 @@ impl FeatureViews {
             .map(|pose| (pose.centre() - position).normalize_or_zero())
             .collect();
         let far = |a: &DVec3| rays.iter().any(|b| a.angle_between(*b) >= LEAST_ANGLE);
-        rays.len() >= LEAST_PICTURES && rays.iter().any(far)
+        rays.len() >= LEAST_IMAGES && rays.iter().any(far)
     }
 
     /// Returns the distinct pairs of feature and ground truth point that are close in an image.
@@ -199,14 +199,14 @@ impl FeatureViews {
             .iter()
             .map(|&feature| self.features.points[feature as usize].position.as_vec3())
             .collect();
-        let truth = Picture::new(truth, camera);
+        let truth = PointsByPixel::new(truth, camera);
         let near = |feature: Dot| {
             let near = truth
                 .around(feature.at_px, 1)
                 .filter(move |dot| dot.at_px.distance(feature.at_px) <= SAME_PX);
             near.map(move |dot| (shown[feature.index as usize], dot.index))
         };
-        let mut pairs: Vec<(u32, u32)> = Picture::new(&positions, camera)
+        let mut pairs: Vec<(u32, u32)> = PointsByPixel::new(&positions, camera)
             .dots
             .iter()
             .copied()
@@ -236,7 +236,7 @@ pub(super) struct Dot {
 }
 
 /// The points inside a camera's image, sorted by pixel.
-pub(super) struct Picture {
+pub(super) struct PointsByPixel {
     width: usize,
     height: usize,
     /// Index of the first dot of each pixel, then the number of dots.
@@ -246,7 +246,7 @@ pub(super) struct Picture {
     pub own_px: f64,
 }
 
-impl Picture {
+impl PointsByPixel {
     /// Projects points; the result is empty without a pose.
     pub fn new(points: &[Vec3], camera: &FrameCamera) -> Self {
         let own_px =
@@ -406,7 +406,7 @@ mod tests {
         assert_eq!(
             (compared(0.9), compared(1.2)),
             (1, 0),
-            "1.2 are 0.6 of the reduced picture"
+            "1.2 are 0.6 of the reduced image"
         );
     }
 
@@ -451,16 +451,16 @@ mod tests {
         let on_it = differences(Vec3::new(0.0, 0.0, 2.001));
         assert!(
             are(&on_it, &[0.001; 3]),
-            "three pictures show it, the fourth does not: {on_it:?}"
+            "three images show it, the fourth does not: {on_it:?}"
         );
         let before_it = differences(Vec3::new(0.0, 0.0, 1.9));
         assert!(
             are(&before_it, &[0.1]),
-            "only in the first picture it stands before the point: {before_it:?}"
+            "only in the first image it stands before the point: {before_it:?}"
         );
         assert!(
             differences(Vec3::new(0.5, 0.0, 2.001)).is_empty(),
-            "two pictures may agree by chance"
+            "two images may agree by chance"
         );
         let behind = differences_by_features(
             (&truth, &[truth[0], truth[1]]),
@@ -479,6 +479,6 @@ mod tests {
         let (truth, views) = views(0.01);
         let refused =
             differences_by_features((&truth, &truth), &views, &Progress::default()).unwrap_err();
-        assert!(refused.to_string().contains("4 pictures"), "{refused}");
+        assert!(refused.to_string().contains("4 images"), "{refused}");
     }
 }

@@ -7,5 +7,5 @@ mod workspace;
 
 pub use report::{CloudReport, DemoReport, LevelsReport, MaskReport};
 pub use run::{DemoMethod, DemoOptions, run_demo};
-pub use user::{MAX_CLICKS, Watch};
+pub use user::{MAX_CLICKS, ProgressSink};
 pub use workspace::finish;

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use anyhow::{Context, Result};
 use serde::Serialize;
 
-use super::user::Studio;
+use super::user::DemoDriver;
 use crate::cloud_score::{CloudScoreOptions, score_cloud};
 use crate::synthetic::Scene;
 use ostra_cloud::LabelledCloud;
@@ -145,7 +145,10 @@ impl DemoReport {
 const INSTANCE_LEVEL: usize = Scene::CLASS_LEVEL + 1;
 
 /// Splits classes that were labelled as one into instances.
-pub(super) fn tell_apart(studio: &mut Studio<'_, '_>, classes: &[String]) -> Result<()> {
+pub(super) fn separate_instances(
+    studio: &mut DemoDriver<'_, '_>,
+    classes: &[String],
+) -> Result<()> {
     for class in classes {
         let project = studio.session.project().context("no project is open")?;
         let label = project

@@ -5,8 +5,10 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use glam::DVec3;
 
-use super::report::{CloudReport, DemoReport, LevelsReport, MaskReport, score_levels, tell_apart};
-use super::user::{SimulatedUser, Studio, Watch};
+use super::report::{
+    CloudReport, DemoReport, LevelsReport, MaskReport, score_levels, separate_instances,
+};
+use super::user::{DemoDriver, ProgressSink, SimulatedUser};
 use super::workspace;
 use crate::cloud_score::{CloudScoreOptions, score_cloud};
 use crate::synthetic::{Scene, SceneOptions, TruthOptions, View};
@@ -19,7 +21,7 @@ use ostra_frames::{Frame, FrameFolder, OpenRequest};
 use ostra_geometry::{Alignment, Camera, Similarity};
 use ostra_masks::LabelMask;
 use ostra_project::{ExportRequest, FuseRequest, ReconstructMethod, ReconstructRequest};
-use ostra_session::{AdoptRequest, Command, NewProject, Session};
+use ostra_session::{AttachRequest, Command, NewProject, Session};
 
 /// Options of the demo.
 #[derive(Debug, Clone, PartialEq)]
@@ -84,7 +86,7 @@ const WITHIN_M: f64 = 0.003;
 pub fn run_demo(
     session: &mut Session,
     options: &DemoOptions,
-    watch: &mut Watch<'_>,
+    watch: &mut ProgressSink<'_>,
 ) -> Result<DemoReport> {
     let mut clock = Clock::default();
     let out = &options.out;
@@ -97,7 +99,7 @@ pub fn run_demo(
         .map(|view| scene.render_exact(view).mask)
         .collect();
 
-    let mut studio = Studio::new(session, watch);
+    let mut studio = DemoDriver::new(session, watch);
     clock.time("2 open", || {
         studio.act(Command::New(new_project(
             out,
@@ -114,13 +116,13 @@ pub fn run_demo(
             studio.act(Command::Reconstruct(request))
         })?;
     }
-    let told_apart = scene.classes_told_apart();
+    let separated = scene.classes_with_instances();
     let mut user = SimulatedUser::new(
         &mut studio,
         truth_masks,
         scene.tree(),
         &scene.clicked_labels(),
-        &told_apart,
+        &separated,
     )?;
     let first = user.clearest_frame();
     clock.time("4 click", || {
@@ -147,11 +149,13 @@ pub fn run_demo(
         .is_some_and(|votes| votes.has_voters())
     {
         clock.time("6 adopt", || {
-            studio.act(Command::Adopt(AdoptRequest::default()))
+            studio.act(Command::Attach(AttachRequest::default()))
         })?;
     }
-    if !told_apart.is_empty() {
-        clock.time("6 instances", || tell_apart(&mut studio, &told_apart))?;
+    if !separated.is_empty() {
+        clock.time("6 instances", || {
+            separate_instances(&mut studio, &separated)
+        })?;
     }
     studio.session.release_memory();
     clock.time("6 fuse", || {
@@ -177,8 +181,7 @@ pub fn run_demo(
             alignment,
         )?;
     }
-    let (cloud, levels) =
-        clock.time("8 score", || score(&truth_cloud, &cloud_path, &told_apart))?;
+    let (cloud, levels) = clock.time("8 score", || score(&truth_cloud, &cloud_path, &separated))?;
     let report = DemoReport {
         cloud,
         levels,
@@ -223,12 +226,7 @@ fn make_recording(scene: &Scene, out: &Path) -> Result<LabelledCloud> {
         },
         &progress,
     )?;
-    save_ply(
-        &truth.join("cloud.ply"),
-        &cloud,
-        Coloring::Picture,
-        &progress,
-    )?;
+    save_ply(&truth.join("cloud.ply"), &cloud, Coloring::Image, &progress)?;
     Ok(cloud)
 }
 
@@ -282,12 +280,12 @@ fn align(
     if let Some(path) = cloud {
         let mut cloud = read_ply(path, &progress)?.cloud;
         transform(&mut cloud, &to_truth);
-        save_ply(path, &cloud, Coloring::Picture, &progress)?;
+        save_ply(path, &cloud, Coloring::Image, &progress)?;
     }
     if let Some(path) = mesh {
         let mut mesh = read_mesh(path, &progress)?;
         transform(&mut mesh.vertices, &to_truth);
-        save_mesh(path, &mesh, Coloring::Picture, &progress)?;
+        save_mesh(path, &mesh, Coloring::Image, &progress)?;
     }
     Ok(())
 }
@@ -304,7 +302,7 @@ fn transform(cloud: &mut LabelledCloud, by: &Similarity) {
 fn score(
     truth: &LabelledCloud,
     cloud_path: &Path,
-    told_apart: &[String],
+    separated: &[String],
 ) -> Result<(CloudReport, Option<LevelsReport>)> {
     let progress = Progress::default();
     let result = read_ply(cloud_path, &progress)?.cloud;
@@ -320,9 +318,9 @@ fn score(
         let labels = score_cloud(&of_part, &result, &options, &progress)?.labels;
         parts.insert(name, labels.accuracy);
     }
-    let has_levels = !told_apart.is_empty();
+    let has_levels = !separated.is_empty();
     let levels = has_levels
-        .then(|| score_levels(truth, &result, told_apart, WITHIN_M))
+        .then(|| score_levels(truth, &result, separated, WITHIN_M))
         .transpose()?;
     let cloud = CloudReport {
         iou: score

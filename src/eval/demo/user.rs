@@ -53,13 +53,13 @@ impl SimulatedUser {
     /// Adds the labels `clicked` of `tree` and their ancestors to the open project.
     ///
     /// `truth` has a mask per frame in ids of `tree`; descendants of a clicked label count as that
-    /// label. The instances of the classes `told_apart` are clicked one by one.
+    /// label. The instances of the classes `separated` are clicked one by one.
     pub(super) fn new(
-        studio: &mut Studio<'_, '_>,
+        studio: &mut DemoDriver<'_, '_>,
         mut truth: Vec<LabelMask>,
         tree: &LabelTree,
         clicked: &[LabelId],
-        told_apart: &[String],
+        separated: &[String],
     ) -> Result<Self> {
         let mut classes = Vec::new();
         let mut in_project = BTreeMap::new();
@@ -82,8 +82,8 @@ impl SimulatedUser {
                     .context("the label was not made")?
                     .id;
                 in_project.insert(label.id, id);
-                let is_told_apart = told_apart.contains(&label.name);
-                let things = if is_told_apart {
+                let has_instances = separated.contains(&label.name);
+                let things = if has_instances {
                     tree.children(Some(label.id)).count().max(1)
                 } else {
                     1
@@ -123,7 +123,7 @@ impl SimulatedUser {
     /// that made things worse is undone (but counted), and its surroundings are left alone.
     pub(super) fn click_on(
         &mut self,
-        studio: &mut Studio<'_, '_>,
+        studio: &mut DemoDriver<'_, '_>,
         frame: usize,
         most: usize,
     ) -> Result<()> {
@@ -168,7 +168,7 @@ impl SimulatedUser {
     }
 
     /// Returns the frame with the largest error for which clicks are left; `None` if there is none.
-    pub(super) fn worst_frame(&self, studio: &Studio<'_, '_>) -> Result<Option<usize>> {
+    pub(super) fn worst_frame(&self, studio: &DemoDriver<'_, '_>) -> Result<Option<usize>> {
         let open: Vec<LabelId> = self
             .classes
             .iter()
@@ -190,7 +190,7 @@ impl SimulatedUser {
     /// Returns the next click on a frame for one of `open`, if an error is large enough.
     fn next_click(
         &self,
-        studio: &Studio<'_, '_>,
+        studio: &DemoDriver<'_, '_>,
         frame: usize,
         open: &[LabelId],
     ) -> Result<Option<LabelClick>> {
@@ -210,7 +210,7 @@ impl SimulatedUser {
     }
 
     /// Tracks the masks through the sequence.
-    pub(super) fn track(studio: &mut Studio<'_, '_>) -> Result<()> {
+    pub(super) fn track(studio: &mut DemoDriver<'_, '_>) -> Result<()> {
         studio.act(Command::Track(TrackSettings {
             tracker: TrackerId::Geometry,
             ..TrackSettings::default()
@@ -218,7 +218,7 @@ impl SimulatedUser {
     }
 
     /// Returns the mean IoU over all frames per class; descendants count as the class.
-    pub(super) fn mean_ious(&self, studio: &Studio<'_, '_>) -> Result<BTreeMap<String, f64>> {
+    pub(super) fn mean_ious(&self, studio: &DemoDriver<'_, '_>) -> Result<BTreeMap<String, f64>> {
         let mut sums = vec![0.0; self.classes.len()];
         for frame in 0..self.truth.len() {
             sums.iter_mut()
@@ -242,7 +242,7 @@ impl SimulatedUser {
     /// Clicks once; returns whether it helped.
     fn click(
         &mut self,
-        studio: &mut Studio<'_, '_>,
+        studio: &mut DemoDriver<'_, '_>,
         frame: usize,
         label: LabelId,
         click: Click,
@@ -275,7 +275,7 @@ impl SimulatedUser {
     }
 
     /// Returns the IoU of each class on one frame.
-    fn ious(&self, studio: &Studio<'_, '_>, frame: usize) -> Result<Vec<f64>> {
+    fn ious(&self, studio: &DemoDriver<'_, '_>, frame: usize) -> Result<Vec<f64>> {
         let mask = mask_of(studio, frame)?;
         let tree = &studio
             .session
@@ -319,7 +319,7 @@ fn overlooking(mask: &LabelMask, truth: &LabelMask, places: &[&Click]) -> LabelM
     mask
 }
 
-fn mask_of(studio: &Studio<'_, '_>, frame: usize) -> Result<LabelMask> {
+fn mask_of(studio: &DemoDriver<'_, '_>, frame: usize) -> Result<LabelMask> {
     let project = studio.session.project().context("no project is open")?;
     let frame_size = &project.frames[frame];
     let mask = project.masks.get(&frame).map(|mask| mask.runs.decode());
@@ -327,18 +327,18 @@ fn mask_of(studio: &Studio<'_, '_>, frame: usize) -> Result<LabelMask> {
 }
 
 /// Callback that receives the running jobs about twenty times a second; `Break` stops the demo.
-pub type Watch<'w> = dyn FnMut(&[JobView]) -> ControlFlow<()> + 'w;
+pub type ProgressSink<'w> = dyn FnMut(&[JobView]) -> ControlFlow<()> + 'w;
 
 /// A session that runs commands one after another.
-pub(super) struct Studio<'s, 'w> {
+pub(super) struct DemoDriver<'s, 'w> {
     pub session: &'s mut Session,
-    watch: &'s mut Watch<'w>,
+    watch: &'s mut ProgressSink<'w>,
     /// Warnings of the session.
     pub warnings: Vec<String>,
 }
 
-impl<'s, 'w> Studio<'s, 'w> {
-    pub(super) fn new(session: &'s mut Session, watch: &'s mut Watch<'w>) -> Self {
+impl<'s, 'w> DemoDriver<'s, 'w> {
+    pub(super) fn new(session: &'s mut Session, watch: &'s mut ProgressSink<'w>) -> Self {
         Self {
             session,
             watch,

@@ -5,7 +5,7 @@ use anyhow::{Result, bail};
 use serde::Serialize;
 
 use ostra_frames::cameras::{CameraKey, GivenCamera, GivenCameras};
-use ostra_geometry::{Alignment, Pose, TrajectoryError};
+use ostra_geometry::{Alignment, Pose, TrajectoryMetrics};
 
 /// Errors of estimated cameras with respect to the ground truth.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -17,7 +17,7 @@ pub struct CameraScore {
     /// Names of the ground truth cameras that the result lacks.
     pub missing: Vec<String>,
     /// Errors over the cameras that both have.
-    pub error: TrajectoryError,
+    pub error: TrajectoryMetrics,
     /// Root mean square of the centre errors, in per cent of the extent of the ground truth.
     ///
     /// The extent is the largest distance of a ground truth centre from the centroid.
@@ -65,7 +65,7 @@ pub fn score_cameras(
     }
     if pairs.is_empty() {
         bail!(
-            "no camera of {} is in {} ({} and {}, for example); give cameras of the same pictures",
+            "no camera of {} is in {} ({} and {}, for example); give cameras of the same images",
             truth.display(),
             result.display(),
             full_key(&truth_cameras[0].key),
@@ -74,9 +74,9 @@ pub fn score_cameras(
     }
     let (result_poses, truth_poses): (Vec<Pose>, Vec<Pose>) = pairs.into_iter().unzip();
     let between = if turns {
-        TrajectoryError::between_poses
+        TrajectoryMetrics::between_poses
     } else {
-        TrajectoryError::between
+        TrajectoryMetrics::between
     };
     let error = between(&result_poses, &truth_poses, alignment)?;
     let centre_percent = 100.0 * error.centre.rmse / error.extent.max(f64::MIN_POSITIVE);

@@ -68,8 +68,8 @@ pub fn evaluate_cloud(
         options.min_views = views.min_views;
         options.cameras = frusta(&views.cameras, origin)?;
         if let Some(frames) = &views.frames {
-            let (pictures, more) = feature_views(frames, &views.cameras, origin, &progress)?;
-            options.pictures = Some(pictures);
+            let (image_folder, more) = feature_views(frames, &views.cameras, origin, &progress)?;
+            options.images = Some(image_folder);
             warnings.extend(more);
         }
     }
@@ -91,11 +91,11 @@ fn frusta(path: &Path, origin: DVec3) -> Result<Vec<FrameCamera>> {
         let sized = camera.intrinsics.as_ref().and_then(|intrinsics| Some((intrinsics, intrinsics.size?)));
         let (intrinsics, [width, height]) = sized.with_context(|| {
             format!(
-                "{}: holds no intrinsics with a picture size; give a COLMAP model or transforms.json",
+                "{}: holds no intrinsics with an image size; give a COLMAP model or transforms.json",
                 path.display()
             )
         })?;
-        let intrinsics = intrinsics.for_picture(width, height).map_err(anyhow::Error::msg)?;
+        let intrinsics = intrinsics.for_image(width, height).map_err(anyhow::Error::msg)?;
         let pose = camera.camera_from_world.as_ref().ok().map(|pose| pose.relative_to(origin));
         Ok(FrameCamera::given(intrinsics, pose))
     });
@@ -110,12 +110,12 @@ fn frusta(path: &Path, origin: DVec3) -> Result<Vec<FrameCamera>> {
 /// # Errors
 /// Returns an error if the cameras or all images cannot be read, or if no image has a camera.
 fn feature_views(
-    pictures: &Path,
+    image_folder: &Path,
     cameras: &Path,
     origin: DVec3,
     progress: &Progress,
 ) -> Result<(FeatureViews, Vec<String>)> {
-    let (mut frames, mut warnings) = read_frames(pictures, progress)?;
+    let (mut frames, mut warnings) = read_frames(image_folder, progress)?;
     // The poses of a project are in the coordinates of the project.
     frames
         .iter_mut()
@@ -131,8 +131,8 @@ fn feature_views(
     frames.retain(|frame| posed(frame).is_some());
     ensure!(
         !frames.is_empty(),
-        "{}: no picture has a camera in {}",
-        pictures.display(),
+        "{}: no image has a camera in {}",
+        image_folder.display(),
         cameras.display()
     );
     let store = FrameStore::new(PIXEL_BYTES);
@@ -166,8 +166,8 @@ mod tests {
     #[test]
     fn unreadable_images_are_left_out_and_reported() {
         let folder = tempfile::tempdir().unwrap();
-        let [pictures, cameras] = ["pictures", "cameras"].map(|name| folder.path().join(name));
-        for folder in [&pictures, &cameras] {
+        let [image_folder, cameras] = ["pictures", "cameras"].map(|name| folder.path().join(name));
+        for folder in [&image_folder, &cameras] {
             std::fs::create_dir(folder).unwrap();
         }
         let mut images = String::new();
@@ -175,7 +175,7 @@ mod tests {
             let color =
                 |x: u32, y: u32| image::Rgb([(x * 3) as u8, (y * 4) as u8, (x * y % 251) as u8]);
             image::RgbImage::from_fn(64, 48, color)
-                .save(pictures.join(format!("{k}.png")))
+                .save(image_folder.join(format!("{k}.png")))
                 .unwrap();
             images += &format!(
                 "{} 1 0 0 0 {} 0 0 1 {k}.png\n\n",
@@ -186,9 +186,9 @@ mod tests {
         std::fs::write(cameras.join("cameras.txt"), "1 PINHOLE 64 48 60 60 32 24\n").unwrap();
         std::fs::write(cameras.join("images.txt"), images).unwrap();
         std::fs::write(cameras.join("points3D.txt"), "").unwrap();
-        std::fs::write(pictures.join("1.png"), "").unwrap();
+        std::fs::write(image_folder.join("1.png"), "").unwrap();
         let (views, warnings) =
-            feature_views(&pictures, &cameras, DVec3::ZERO, &Progress::default()).unwrap();
+            feature_views(&image_folder, &cameras, DVec3::ZERO, &Progress::default()).unwrap();
         assert_eq!(views.cameras.len(), 2);
         let is_named =
             |line: &String| line.contains("1 frames cannot be read") && line.contains("1.png");

@@ -75,7 +75,7 @@ pub fn score_pairs(
 ) -> Result<MaskScore, MaskError> {
     if pairs.is_empty() || labels.is_empty() {
         return Err(MaskError::Request(
-            "there is no frame or no label to score; check the true masks".into(),
+            "there is no frame or label to score; check the ground-truth masks".into(),
         ));
     }
     let done = AtomicUsize::new(0);

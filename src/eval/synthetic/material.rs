@@ -7,7 +7,7 @@ use super::noise::{fractal_noise, value_noise};
 #[derive(Debug, Clone)]
 pub(super) enum Material {
     /// An image, one of the scene's bitmaps.
-    Picture {
+    Image {
         bitmap: usize,
     },
     /// A leaf blade that is yellow towards its tip.
@@ -37,7 +37,7 @@ impl Material {
     pub(super) fn albedo(&self, uv: Vec2, seed: u32, bitmaps: &[Bitmap]) -> Vec3 {
         let mm = uv * 1000.0;
         match self {
-            Self::Picture { bitmap } => bitmaps
+            Self::Image { bitmap } => bitmaps
                 .get(*bitmap)
                 .map_or(Vec3::ZERO, |bitmap| bitmap.sample(uv)),
             Self::Blade { length_m } => linear(blade(mm, uv.y / length_m, seed)),

@@ -13,20 +13,20 @@ pub(super) struct Model {
     pub(super) uv: Vec<Vec2>,
     pub(super) triangles: Vec<[u32; 3]>,
     /// Index into `looks` per triangle.
-    pub(super) look_of: Vec<u16>,
-    pub(super) looks: Vec<Look>,
+    pub(super) appearance_of: Vec<u16>,
+    pub(super) appearances: Vec<PartAppearance>,
     pub(super) bitmaps: Vec<Bitmap>,
 }
 
 /// Label and material of a part.
 #[derive(Debug, Clone)]
-pub(super) struct Look {
+pub(super) struct PartAppearance {
     pub(super) label: LabelId,
     pub(super) material: Material,
     pub(super) seed: u32,
 }
 
-impl Look {
+impl PartAppearance {
     /// Returns the linear RGB reflectance at a texture position (metres).
     pub(super) fn albedo(&self, uv: Vec2, bitmaps: &[Bitmap]) -> Vec3 {
         self.material.albedo(uv, self.seed, bitmaps)
@@ -37,13 +37,13 @@ impl Model {
     /// Joins the parts of an assembly (at most 65 535); its tree and traits are left in place.
     pub(super) fn joined(assembly: &mut Assembly) -> Self {
         let mut whole = super::mesh::Mesh::default();
-        let (mut look_of, mut looks) = (Vec::new(), Vec::new());
+        let (mut appearance_of, mut appearances) = (Vec::new(), Vec::new());
         for part in std::mem::take(&mut assembly.parts) {
-            look_of.resize(
-                look_of.len() + part.mesh.triangles.len(),
-                looks.len() as u16,
+            appearance_of.resize(
+                appearance_of.len() + part.mesh.triangles.len(),
+                appearances.len() as u16,
             );
-            looks.push(Look {
+            appearances.push(PartAppearance {
                 label: part.label,
                 material: part.material,
                 seed: part.seed,
@@ -55,15 +55,15 @@ impl Model {
             normals: whole.normals,
             uv: whole.uv,
             triangles: whole.triangles,
-            look_of,
-            looks,
+            appearance_of,
+            appearances,
             bitmaps: std::mem::take(&mut assembly.bitmaps),
         }
     }
 
     /// Returns the label and material of a triangle.
-    pub(super) fn look(&self, triangle: usize) -> &Look {
-        &self.looks[usize::from(self.look_of[triangle])]
+    pub(super) fn appearance(&self, triangle: usize) -> &PartAppearance {
+        &self.appearances[usize::from(self.appearance_of[triangle])]
     }
 }
 

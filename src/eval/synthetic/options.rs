@@ -57,8 +57,8 @@ impl SceneOptions {
     pub fn check(&self) -> Result<(), SceneError> {
         let ranges = [
             ("number of views", self.views as f64, 1.0, 10_000.0),
-            ("picture width", f64::from(self.width), 16.0, 8192.0),
-            ("picture height", f64::from(self.height), 16.0, 8192.0),
+            ("image width", f64::from(self.width), 16.0, 8192.0),
+            ("image height", f64::from(self.height), 16.0, 8192.0),
             ("arc in degrees", self.arc_deg, 0.0, 300.0),
             ("camera distance in metres", self.distance_m, 0.5, 3.0),
         ];

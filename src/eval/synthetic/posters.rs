@@ -36,7 +36,7 @@ pub(super) fn add_surroundings(assembly: &mut Assembly, table_z: f64, dice: &mut
         let seed = dice.texture_seed();
         assembly.add(
             LabelId::NONE,
-            Material::Picture {
+            Material::Image {
                 bitmap: assembly.bitmaps.len(),
             },
             seed,

@@ -2,7 +2,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::material::encoded;
-use super::model::{Look, Model};
+use super::model::{Model, PartAppearance};
 use super::raster::{Facet, NOTHING, Raster, band_rows};
 use super::view::{RenderedView, View, look_at};
 use ostra_frames::{DepthMap, Image};
@@ -110,7 +110,7 @@ impl Painter<'_> {
                     0.0
                 });
                 out.labels.push(if seen {
-                    self.model.look(triangle as usize).label
+                    self.model.appearance(triangle as usize).label
                 } else {
                     LabelId::NONE
                 });
@@ -121,8 +121,9 @@ impl Painter<'_> {
 
     /// Returns the linear RGB of a pixel whose samples hit these triangles.
     fn pixel(&self, triangles: [u32; 9], (column, row): (u32, u32)) -> Vec3 {
-        let part =
-            |triangle: u32| (triangle != NOTHING).then(|| self.model.look_of[triangle as usize]);
+        let part = |triangle: u32| {
+            (triangle != NOTHING).then(|| self.model.appearance_of[triangle as usize])
+        };
         let uniform = triangles
             .iter()
             .all(|&triangle| part(triangle) == part(triangles[0]));
@@ -161,9 +162,9 @@ impl Painter<'_> {
         } else {
             normal
         };
-        let look = model.look(triangle as usize);
-        let (light, highlight) = self.light.on(x, normal, to_viewer, look);
-        look.albedo(uv, &model.bitmaps) * light + Vec3::splat(highlight)
+        let appearance = model.appearance(triangle as usize);
+        let (light, highlight) = self.light.on(x, normal, to_viewer, appearance);
+        appearance.albedo(uv, &model.bitmaps) * light + Vec3::splat(highlight)
     }
 }
 
@@ -211,13 +212,19 @@ impl Light {
     /// Returns the light on a surface point and the highlight towards the viewer.
     ///
     /// The light is a factor on the reflectance. `normal` is a unit vector towards the viewer.
-    pub(super) fn on(&self, x: DVec3, normal: Vec3, to_viewer: Vec3, look: &Look) -> (f32, f32) {
+    pub(super) fn on(
+        &self,
+        x: DVec3,
+        normal: Vec3,
+        to_viewer: Vec3,
+        appearance: &PartAppearance,
+    ) -> (f32, f32) {
         let to_light = (self.centre - x).as_vec3().normalize();
         let facing = normal.dot(to_light);
         let direct = if facing > 0.0 {
             facing
         } else {
-            -facing * look.material.translucency()
+            -facing * appearance.material.translucency()
         };
         let lit = if direct > 0.0 {
             self.lit_share(x + 0.0006 * f64::from(facing.signum()) * normal.as_dvec3())
@@ -233,7 +240,7 @@ impl Light {
         };
         (
             EXPOSURE * (around + 0.62 * direct * lit),
-            look.material.gloss() * highlight,
+            appearance.material.gloss() * highlight,
         )
     }
 

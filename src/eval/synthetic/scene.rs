@@ -82,11 +82,11 @@ impl Scene {
     /// class.
     #[must_use]
     pub fn clicked_labels(&self) -> Vec<LabelId> {
-        let told_apart = self.classes_told_apart();
+        let separated = self.classes_with_instances();
         let is_clicked = |label: &&Label| match self.options.scene {
             SceneKind::Tiller => self.tree.depth(label.id) == Self::CLASS_LEVEL,
             SceneKind::Bricks => {
-                told_apart.contains(&label.name) || self.tree.depth(label.id) == Self::PART_LEVEL
+                separated.contains(&label.name) || self.tree.depth(label.id) == Self::PART_LEVEL
             }
         };
         self.tree
@@ -98,7 +98,7 @@ impl Scene {
 
     /// Returns the names of classes that are clicked as one and split into connected instances.
     #[must_use]
-    pub fn classes_told_apart(&self) -> Vec<String> {
+    pub fn classes_with_instances(&self) -> Vec<String> {
         match self.options.scene {
             SceneKind::Tiller => Vec::new(),
             SceneKind::Bricks => vec!["wheel".into()],

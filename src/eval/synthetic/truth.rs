@@ -68,19 +68,19 @@ pub(super) fn exact_cloud(
 ) -> Result<LabelledCloud, SceneError> {
     options.check()?;
     let spots = cover(model, seed, |part| {
-        if model.looks[part].label.0 == 0 {
+        if model.appearances[part].label.0 == 0 {
             options.surroundings_m
         } else {
             Some(options.spacing_m)
         }
     });
     let views = if options.min_views == 0 { &[] } else { views };
-    let sightings = count_sightings(model, &spots, views, progress)?;
+    let observations = count_observations(model, &spots, views, progress)?;
     let mut cloud = LabelledCloud {
         tree: tree.clone(),
         ..LabelledCloud::default()
     };
-    for (spot, (count, towards)) in spots.iter().zip(sightings) {
+    for (spot, (count, towards)) in spots.iter().zip(observations) {
         if count < options.min_views {
             continue;
         }
@@ -90,14 +90,14 @@ pub(super) fn exact_cloud(
         } else {
             outward
         };
-        let look = model.look(spot.triangle as usize);
+        let appearance = model.appearance(spot.triangle as usize);
         let uv: Vec2 = interpolate(spot, model, |v| model.uv[v]);
         cloud.positions.push(spot.x.as_vec3());
         cloud.normals.push(normal);
         cloud.colors.push(encoded(
-            look.albedo(uv, &model.bitmaps) * light.on(spot.x, normal, normal, look).0,
+            appearance.albedo(uv, &model.bitmaps) * light.on(spot.x, normal, normal, appearance).0,
         ));
-        cloud.labels.push(look.label);
+        cloud.labels.push(appearance.label);
         cloud.confidence.push(1.0);
     }
     Ok(cloud)
@@ -116,14 +116,14 @@ where
 }
 
 /// Number of views per spot, and the centre of the first camera that sees it.
-type Sightings = Vec<(usize, Option<DVec3>)>;
+type Observations = Vec<(usize, Option<DVec3>)>;
 
-fn count_sightings(
+fn count_observations(
     model: &Model,
     spots: &[Spot],
     views: &[View],
     progress: &Progress,
-) -> Result<Sightings, SceneError> {
+) -> Result<Observations, SceneError> {
     let mut seen = vec![(0, None); spots.len()];
     for (k, view) in views.iter().enumerate() {
         progress.step(k, views.len())?;
@@ -156,9 +156,9 @@ const LEAST: f64 = 0.8;
 /// There is about one point per `spacing(part)²` square metres. Parts whose spacing is `None` are
 /// left out.
 fn cover(model: &Model, seed: u64, spacing: impl Fn(usize) -> Option<f64> + Sync) -> Vec<Spot> {
-    let mut triangles_of = vec![Vec::new(); model.looks.len()];
-    for (triangle, &look) in model.look_of.iter().enumerate() {
-        triangles_of[usize::from(look)].push(triangle as u32);
+    let mut triangles_of = vec![Vec::new(); model.appearances.len()];
+    for (triangle, &appearance) in model.appearance_of.iter().enumerate() {
+        triangles_of[usize::from(appearance)].push(triangle as u32);
     }
     let covered: Vec<Vec<Spot>> = triangles_of
         .par_iter()

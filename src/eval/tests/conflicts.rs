@@ -1,4 +1,4 @@
-use ostra_cloud::doubt::{frame_doubt, voted_mask};
+use ostra_cloud::conflicts::{frame_conflict, voted_mask};
 use ostra_cloud::fuse::Fused;
 use ostra_masks::{LabelId, LabelMask};
 
@@ -30,7 +30,7 @@ impl Plant {
     fn ranked(&self, fused: &Fused) -> Vec<(usize, f32)> {
         let masks = &self.rendered.masks;
         let share =
-            |frame| frame_doubt(&fused.votes, &fused.cloud.labels, frame, &masks[frame]).share();
+            |frame| frame_conflict(&fused.votes, &fused.cloud.labels, frame, &masks[frame]).share();
         let mut ranked: Vec<(usize, f32)> = (0..masks.len())
             .map(|frame| (frame, share(frame)))
             .collect();

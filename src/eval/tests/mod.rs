@@ -10,7 +10,7 @@ use std::sync::Arc;
 use ostra_cloud::SceneError;
 use ostra_cloud::fuse::{FuseOptions, Fused, Views, fuse};
 use ostra_core::job::Progress;
-use ostra_frames::{DepthMap, Frame, Image, Orientation, PictureSource};
+use ostra_frames::{DepthMap, Frame, Image, ImageSource, Orientation};
 use ostra_masks::{LabelId, LabelMask};
 
 use crate::synthetic::{RenderedView, Scene, SceneOptions};
@@ -36,7 +36,7 @@ impl Rendered {
             name,
             width: view.image.width,
             height: view.image.height,
-            picture: PictureSource::File {
+            image: ImageSource::File {
                 path: "none".into(),
                 orientation: Orientation(1),
             },

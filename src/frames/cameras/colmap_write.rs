@@ -11,7 +11,7 @@ use super::given::{stored_camera, turn_of};
 use super::{SparseKeypoint, SparsePoint, SparsePoints};
 use crate::{Frame, FrameError};
 use ostra_core::disk;
-use ostra_geometry::{Camera, GeometryError, Pose, Turn};
+use ostra_geometry::{Camera, GeometryError, Pose, QuarterRotation};
 
 /// Encoding of a written COLMAP model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -331,7 +331,11 @@ impl<'a> ModelOut<'a> {
     }
 }
 
-fn stored_keypoint(frame: &Frame, back: Turn, keypoint: SparseKeypoint) -> SparseKeypoint {
+fn stored_keypoint(
+    frame: &Frame,
+    back: QuarterRotation,
+    keypoint: SparseKeypoint,
+) -> SparseKeypoint {
     SparseKeypoint {
         at_px: back.turn_px(keypoint.at_px, frame.width, frame.height),
         ..keypoint

@@ -148,7 +148,7 @@ fn read_file(path: &Path) -> Result<Vec<super::GivenCamera>, FrameError> {
         [4, 4] => pose_files::read(&[path.to_owned()]),
         _ => Err(invalid(
             path,
-            "is no file of cameras that is known: COLMAP model, transforms.json, TUM or .log trajectory, *_par.txt",
+            "is not a known camera file; known are COLMAP model, transforms.json, TUM or .log trajectory, *_par.txt",
         )),
     }
 }

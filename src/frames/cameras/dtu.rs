@@ -73,12 +73,10 @@ fn decompose(p: &[f64; 12]) -> Result<(GivenIntrinsics, Pose), String> {
         && r1.is_finite()
         && r2.is_finite())
     {
-        return Err("the matrix is no projection of a camera; check the file".into());
+        return Err("the matrix is not a camera projection; check the file".into());
     }
     if skew.abs() > LARGEST_SKEW * fx {
-        return Err(
-            "the camera is skewed, which no camera model here is; undistort the pictures".into(),
-        );
+        return Err("the camera has skew, which is not supported; undistort the images".into());
     }
     let y = (last.y - cy * last.z) / fy;
     let translation = DVec3::new((last.x - cx * last.z - skew * y) / fx, y, last.z);

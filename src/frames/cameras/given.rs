@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use glam::DVec2;
 
-use crate::{Frame, FrameCamera, FrameError, Orientation, PictureSource};
-use ostra_geometry::{Camera, Distortion, GeometryError, Pose, Turn};
+use crate::{Frame, FrameCamera, FrameError, ImageSource, Orientation};
+use ostra_geometry::{Camera, Distortion, GeometryError, Pose, QuarterRotation};
 
 /// How a given camera identifies its frame.
 #[derive(Debug, Clone, PartialEq)]
@@ -137,12 +137,12 @@ impl GivenIntrinsics {
     ///
     /// What is wrong and what to do: another size, an impossible focal length, or a value that is
     /// not a number.
-    pub fn for_picture(&self, width: u32, height: u32) -> Result<Camera, String> {
+    pub fn for_image(&self, width: u32, height: u32) -> Result<Camera, String> {
         if let Some([w, h]) = self.size
             && [w, h] != [width, height]
         {
             return Err(format!(
-                "the camera is for a picture of {w}x{h}, the picture has {width}x{height}; give pictures and cameras of one size"
+                "the camera is for an image of {w}x{h}, the image has {width}x{height}; give images and cameras of one size"
             ));
         }
         let (w, h) = (f64::from(width), f64::from(height));
@@ -172,13 +172,13 @@ impl GivenIntrinsics {
 /// # Errors
 ///
 /// [`GeometryError::Mirrored`] for an orientation that mirrors.
-pub(super) fn turn_of(frame: &Frame) -> Result<Turn, GeometryError> {
-    match frame.picture {
-        PictureSource::File {
+pub(super) fn turn_of(frame: &Frame) -> Result<QuarterRotation, GeometryError> {
+    match frame.image {
+        ImageSource::File {
             orientation: Orientation(orientation),
             ..
-        } => Turn::from_exif(orientation),
-        PictureSource::Film { .. } => Ok(Turn::None),
+        } => QuarterRotation::from_exif(orientation),
+        ImageSource::Video { .. } => Ok(QuarterRotation::None),
     }
 }
 
@@ -200,7 +200,7 @@ pub(super) fn shown_camera(
     let intrinsics = match intrinsics {
         Some(given) => {
             let (width, height) = stored_size(frame, turn);
-            given.for_picture(width, height).map_err(named)?.turned(turn)
+            given.for_image(width, height).map_err(named)?.turned(turn)
         }
         None => frame.camera.map(|camera| camera.intrinsics).ok_or_else(|| {
             named("the file of cameras holds poses only; give the intrinsics too (--intrinsics FX,FY,CX,CY)".into())
@@ -221,10 +221,10 @@ pub(super) fn stored_camera(frame: &Frame) -> Result<Option<(Camera, Pose)>, Geo
     Ok(Some((camera.turned(back), pose.turned(back))))
 }
 
-pub(super) fn stored_size(frame: &Frame, turn: Turn) -> (u32, u32) {
+pub(super) fn stored_size(frame: &Frame, turn: QuarterRotation) -> (u32, u32) {
     match turn {
-        Turn::None | Turn::Half => (frame.width, frame.height),
-        Turn::Clockwise | Turn::Anticlockwise => (frame.height, frame.width),
+        QuarterRotation::None | QuarterRotation::Half => (frame.width, frame.height),
+        QuarterRotation::Clockwise | QuarterRotation::Anticlockwise => (frame.height, frame.width),
     }
 }
 

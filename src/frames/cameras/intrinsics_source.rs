@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::lines::{TextFile, invalid};
 use super::{GivenIntrinsics, pose_files};
 use crate::{DepthCamera, FrameError};
-use ostra_geometry::{Pose, Turn};
+use ostra_geometry::{Pose, QuarterRotation};
 
 /// Intrinsics for all frames of a recording: numbers, or a file written by a recorder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -152,7 +152,7 @@ pub struct DepthCameraSource {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GivenDepthCamera {
     intrinsics: GivenIntrinsics,
-    picture_from_depth: Pose,
+    image_from_depth: Pose,
 }
 
 impl DepthCameraSource {
@@ -161,7 +161,7 @@ impl DepthCameraSource {
     /// # Errors
     /// [`FrameError`] that names the file if it cannot be read or has no camera matrix or pose.
     pub fn read(&self) -> Result<GivenDepthCamera, FrameError> {
-        let picture_from_depth = match &self.pose {
+        let image_from_depth = match &self.pose {
             Some(path) => pose_files::read_one(path)?.map_err(|reason| {
                 invalid(path, format!("holds no pose ({reason}); check the file"))
             })?,
@@ -169,7 +169,7 @@ impl DepthCameraSource {
         };
         Ok(GivenDepthCamera {
             intrinsics: self.intrinsics.read()?,
-            picture_from_depth,
+            image_from_depth,
         })
     }
 }
@@ -179,20 +179,20 @@ impl GivenDepthCamera {
     ///
     /// # Errors
     ///
-    /// As [`GivenIntrinsics::for_picture`].
+    /// As [`GivenIntrinsics::for_image`].
     pub fn for_depth(
         &self,
         (width, height): (u32, u32),
-        turn: Turn,
+        turn: QuarterRotation,
     ) -> Result<DepthCamera, String> {
-        let intrinsics = self.intrinsics.for_picture(width, height)?.turned(turn);
-        let picture_from_depth = self
-            .picture_from_depth
+        let intrinsics = self.intrinsics.for_image(width, height)?.turned(turn);
+        let image_from_depth = self
+            .image_from_depth
             .turned(turn)
             .compose(&turn.inverse().pose());
         Ok(DepthCamera {
             intrinsics,
-            picture_from_depth,
+            image_from_depth,
             estimated: false,
         })
     }
@@ -240,7 +240,7 @@ mod tests {
                 ..expected
             }
         );
-        assert!(json.for_picture(320, 240).unwrap_err().contains("640x480"));
+        assert!(json.for_image(320, 240).unwrap_err().contains("640x480"));
         let three = "525 0 319.5\n0 526 239.5\n0 0 1\n";
         let four = "525 0 319.5 0\n0 526 239.5 0\n0 0 1 0\n0 0 0 1\n";
         assert_eq!(
@@ -267,17 +267,21 @@ mod tests {
         }
         .read()
         .unwrap();
-        let upright = given.for_depth((32, 24), Turn::None).unwrap();
+        let upright = given.for_depth((32, 24), QuarterRotation::None).unwrap();
         assert_eq!(
-            upright.picture_from_depth.translation,
+            upright.image_from_depth.translation,
             DVec3::new(0.025, 0.003, -0.01)
         );
         let at_px = DVec2::new(7.0, 5.0);
-        for turn in [Turn::Clockwise, Turn::Half, Turn::Anticlockwise] {
+        for turn in [
+            QuarterRotation::Clockwise,
+            QuarterRotation::Half,
+            QuarterRotation::Anticlockwise,
+        ] {
             let turned = given.for_depth((32, 24), turn).unwrap();
             let point = |camera: &DepthCamera, at_px| {
                 camera
-                    .picture_from_depth
+                    .image_from_depth
                     .transform(camera.intrinsics.unproject(at_px).extend(1.0) * 2.0)
             };
             let (here, there) = (

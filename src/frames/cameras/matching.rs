@@ -5,8 +5,8 @@ use super::lines::invalid;
 use super::tum::TUM_TOLERANCE_S;
 use super::{CameraKey, GivenCameras};
 use crate::error::first_of;
-use crate::names::{file_of, without_ending};
-use crate::{Frame, FrameError, PictureSource};
+use crate::name_parts::{file_of, without_ending};
+use crate::{Frame, FrameError, ImageSource};
 
 impl GivenCameras {
     /// Gives each frame its camera, rotated like the frame's image, and returns warnings.
@@ -128,7 +128,7 @@ impl GivenCameras {
         let keys = first_of(keys, ", ");
         let names = first_of(frames.iter().map(|frame| &frame.name), ", ");
         format!(
-            "no camera belongs to a frame: the cameras are {keys}, the frames {names}; give the cameras of these pictures"
+            "no camera belongs to a frame: the cameras are {keys}, the frames {names}; give the cameras of these images"
         )
     }
 }
@@ -286,7 +286,7 @@ fn by_time(times: &[f64], frames: &[Frame]) -> Vec<Option<usize>> {
 
 /// Returns the time at the end of a frame's name, or its time in a video.
 fn time_of(frame: &Frame) -> Option<f64> {
-    if let PictureSource::Film { time_s, .. } = frame.picture {
+    if let ImageSource::Video { time_s, .. } = frame.image {
         return Some(time_s);
     }
     let name = without_ending(file_of(&frame.name));

@@ -43,8 +43,7 @@ fn read_line(line: Line<'_>) -> Result<GivenCamera, FrameError> {
         DVec3::from_slice(&values[18..]),
     );
     if k[1].abs() > super::dtu::LARGEST_SKEW * k[0].abs() {
-        return Err(line
-            .error("the camera is skewed, which no camera model here is; undistort the pictures"));
+        return Err(line.error("the camera has skew, which is not supported; undistort the images"));
     }
     let pose = Pose::from_matrix(DMat3::from_cols_slice(r).transpose(), t)
         .map_err(|e| line.fault(&e.to_string()));

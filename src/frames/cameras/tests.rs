@@ -9,7 +9,7 @@ use std::path::Path;
 
 use glam::{DQuat, DVec3};
 
-use crate::{Frame, Orientation, PictureSource};
+use crate::{Frame, ImageSource, Orientation};
 use ostra_geometry::Pose;
 
 /// Returns frames of 640×480 as shown, whose files are never opened.
@@ -18,7 +18,7 @@ fn frames(names: &[&str]) -> Vec<Frame> {
 }
 
 fn frame(name: &str, width: u32, height: u32, orientation: u8) -> Frame {
-    let picture = PictureSource::File {
+    let image = ImageSource::File {
         path: Path::new("/pictures").join(name),
         orientation: Orientation(orientation),
     };
@@ -26,7 +26,7 @@ fn frame(name: &str, width: u32, height: u32, orientation: u8) -> Frame {
         name: name.into(),
         width,
         height,
-        picture,
+        image,
         depth: None,
         camera: None,
     }

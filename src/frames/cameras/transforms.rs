@@ -112,7 +112,7 @@ pub fn read(path: &Path) -> Result<Vec<GivenCamera>, FrameError> {
         serde_json::from_str(&with_quoted_numbers(&file.text)).map_err(|error| {
             invalid(
                 path,
-                format!("is no transforms.json that can be read ({error}); check the file"),
+                format!("cannot be read as transforms.json ({error}); check the file"),
             )
         })?;
     let one = |frame: &TransformsFrame| {
@@ -222,7 +222,7 @@ impl Lens {
             ) => false,
             Some(other) => {
                 return Err(format!(
-                    "camera model {other} is not supported; undistort the pictures or use OPENCV"
+                    "camera model {other} is not supported; undistort the images or use OPENCV"
                 ));
             }
         };
@@ -234,9 +234,9 @@ impl Lens {
                 k: [k1, k2, k3, 0.0, 0.0, 0.0],
                 p,
             }),
-            _ => Err(
-                "k4 fits only a fisheye lens; undistort the pictures or set camera_model".into(),
-            ),
+            _ => {
+                Err("k4 fits only a fisheye lens; undistort the images or set camera_model".into())
+            }
         }
     }
 }

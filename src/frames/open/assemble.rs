@@ -77,7 +77,7 @@ pub fn open_more(
 fn check(request: &OpenRequest) -> Result<(), FrameError> {
     if request.sources.is_empty() {
         return Err(FrameError::NotFound(
-            "no frames are given; name a folder of pictures, a picture or a film".into(),
+            "no frames are given; name a folder of images, an image or a video".into(),
         ));
     }
     if request.every == 0 {
@@ -128,7 +128,7 @@ fn new_items(
 ) -> Result<Vec<(usize, Item)>, FrameError> {
     let mut seen: BTreeSet<(PathBuf, u64)> = existing
         .iter()
-        .map(|frame| frame.picture.identity())
+        .map(|frame| frame.image.identity())
         .collect();
     let count = items.len();
     let new: Vec<_> = items
@@ -137,12 +137,12 @@ fn new_items(
         .collect();
     if new.is_empty() {
         return Err(FrameError::NotFound(format!(
-            "all {count} pictures are frames already; give other pictures"
+            "all {count} images are frames already; give other images"
         )));
     }
     if new.len() < count {
         warnings.push(format!(
-            "{} of {count} pictures are frames already and are left out",
+            "{} of {count} images are frames already and are left out",
             count - new.len()
         ));
     }
@@ -215,7 +215,7 @@ fn name_frames(
         .map(|(path, _)| path)
     {
         let what = format!(
-            "{} is given twice; give each folder, picture and film once",
+            "{} is given twice; give each folder, image and video once",
             twice.display()
         );
         return Err(FrameError::NotFound(what));
@@ -239,7 +239,7 @@ fn name_frames(
         }
     }
     Err(FrameError::NotFound(
-        "the frames cannot be told apart from those that are there; rename their folder".into(),
+        "the new frames have the same names as those in the project; rename their folder".into(),
     ))
 }
 

@@ -9,9 +9,9 @@ use crate::cameras::GivenDepthCamera;
 use crate::decode::{float_white, not_depth, opaque_pixels};
 use crate::error::{NAMED, first_of};
 use crate::header::{Content, Header, check_complete, read_header};
-use crate::{DepthSource, Frame, FrameError, Orientation, PictureSource};
+use crate::{DepthSource, Frame, FrameError, ImageSource, Orientation};
 use ostra_core::job::Progress;
-use ostra_geometry::{GeometryError, Turn};
+use ostra_geometry::{GeometryError, QuarterRotation};
 
 /// Images with float colours are decoded one at a time, because they are large.
 static FLOAT_COLORS: Mutex<()> = Mutex::new(());
@@ -75,7 +75,7 @@ pub(super) fn read_frames(
         warn_of_problems(&read),
         warn_of_missing_depth(&read),
         warn_of_float_depth(&read, sensor),
-        warn_of_depth_as_pictures(&read),
+        warn_of_depth_as_images(&read),
         warn_of_float_colors(&read),
         warn_of_alpha(&read),
     ];
@@ -102,7 +102,7 @@ fn give_sizes(read: &mut [Read]) {
 
 fn frame_of(item: &Item, sensor: &Sensor) -> Result<Read, FrameError> {
     let mut float = None;
-    let (picture, header, problem) = match &item.origin {
+    let (image, header, problem) = match &item.origin {
         Origin::File(path) => {
             let (header, problem) = match read_header(path) {
                 Ok(header) if header.is_only_depth() => (Some(header), Some(only_depth(path))),
@@ -118,7 +118,7 @@ fn frame_of(item: &Item, sensor: &Sensor) -> Result<Read, FrameError> {
             };
             let orientation = header.map_or_else(Orientation::default, |header| header.orientation);
             (
-                PictureSource::File {
+                ImageSource::File {
                     path: path.clone(),
                     orientation,
                 },
@@ -126,7 +126,7 @@ fn frame_of(item: &Item, sensor: &Sensor) -> Result<Read, FrameError> {
                 problem,
             )
         }
-        Origin::Film(source, (width, height)) => {
+        Origin::Video(source, (width, height)) => {
             let orientation = Orientation::default();
             let header = Header {
                 width: *width,
@@ -140,7 +140,7 @@ fn frame_of(item: &Item, sensor: &Sensor) -> Result<Read, FrameError> {
     let (mut depth_problem, mut depth, mut has_float_depth) = (None, None, false);
     // Depth of an image of unknown size cannot be checked.
     if let (Some(path), Some(header)) = (&item.depth, header) {
-        match sensor.depth(path, picture.path(), header) {
+        match sensor.depth(path, image.path(), header) {
             Ok((source, is_float)) => (depth, has_float_depth) = (Some(source), is_float),
             Err(error) => depth_problem = Some(error),
         }
@@ -157,7 +157,7 @@ fn frame_of(item: &Item, sensor: &Sensor) -> Result<Read, FrameError> {
         name: item.name.clone(),
         width,
         height,
-        picture,
+        image,
         depth,
         camera: None,
     };
@@ -196,8 +196,8 @@ impl Sensor {
     fn depth(
         &self,
         path: &Path,
-        picture_path: &Path,
-        picture: Header,
+        image_path: &Path,
+        image: Header,
     ) -> Result<(DepthSource, bool), FrameError> {
         let depth = read_header(path)?;
         if !depth.is_depth() {
@@ -208,26 +208,26 @@ impl Sensor {
             path: path.into(),
             what,
         };
-        let (size, of_picture) = ((depth.width, depth.height), (picture.width, picture.height));
+        let (size, of_image) = ((depth.width, depth.height), (image.width, image.height));
         let camera = match &self.camera {
             Some(given) => {
                 let mirrored = |error: GeometryError| FrameError::Invalid {
-                    path: picture_path.into(),
+                    path: image_path.into(),
                     what: format!("{error}; its depth has a camera, which cannot be mirrored"),
                 };
-                let turn = Turn::from_exif(picture.orientation.0).map_err(mirrored)?;
+                let turn = QuarterRotation::from_exif(image.orientation.0).map_err(mirrored)?;
                 Some(Box::new(given.for_depth(size, turn).map_err(invalid)?))
             }
-            None if size == of_picture => None,
+            None if size == of_image => None,
             None => {
                 return Err(invalid(format!(
-                    "depth of {} × {} pixels does not fit its picture {} of {} × {}; give the camera that measured it \
-                     (--depth-intrinsics), or depth registered to the picture, pixel for pixel",
+                    "depth of {} × {} pixels does not fit its image {} of {} × {}; give the camera that measured it \
+                     (--depth-intrinsics), or depth registered to the image, pixel for pixel",
                     size.0,
                     size.1,
-                    picture_path.display(),
-                    of_picture.0,
-                    of_picture.1
+                    image_path.display(),
+                    of_image.0,
+                    of_image.1
                 )));
             }
         };
@@ -237,7 +237,7 @@ impl Sensor {
             DepthSource::Sensor {
                 path: path.into(),
                 unit,
-                orientation: picture.orientation,
+                orientation: image.orientation,
                 camera,
             },
             is_float,
@@ -298,7 +298,7 @@ fn warn_of_float_depth(read: &[Read], sensor: &Sensor) -> Option<String> {
     })
 }
 
-fn warn_of_depth_as_pictures(read: &[Read]) -> Option<String> {
+fn warn_of_depth_as_images(read: &[Read]) -> Option<String> {
     let grey = read
         .iter()
         .filter(|read| read.content == Content::Grey16)
@@ -309,7 +309,7 @@ fn warn_of_depth_as_pictures(read: &[Read]) -> Option<String> {
     }
     let (count, names) = (grey.len(), some_names(&grey));
     Some(format!(
-        "{count} frames are grey pictures of 16 bits ({names}); if they are depth, give them with --depth"
+        "{count} frames are grey images of 16 bits ({names}); if they are depth, give them with --depth"
     ))
 }
 
@@ -336,11 +336,11 @@ fn warn_of_alpha(read: &[Read]) -> Option<String> {
 
 /// Returns whether an image has transparent pixels; one that cannot be decoded has none.
 fn is_transparent(frame: &Frame) -> bool {
-    match &frame.picture {
-        PictureSource::File { path, orientation } => {
+    match &frame.image {
+        ImageSource::File { path, orientation } => {
             opaque_pixels(path, *orientation, &|_| Ok(())).is_ok_and(|opaque| opaque.is_some())
         }
-        PictureSource::Film { .. } => false,
+        ImageSource::Video { .. } => false,
     }
 }
 

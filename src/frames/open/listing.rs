@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 
 use crate::error::first_of;
 use crate::header::FORMATS;
-use crate::{FrameError, PictureSource};
+use crate::{FrameError, ImageSource};
 use ostra_core::disk;
 
 /// File extensions of images, in lower case.
-pub(super) const PICTURE_ENDINGS: [&str; 8] =
+pub(super) const IMAGE_ENDINGS: [&str; 8] =
     ["jpg", "jpeg", "png", "tif", "tiff", "webp", "jfif", "jpe"];
 
 /// File extensions of unsupported images, in lower case.
@@ -36,7 +36,7 @@ pub(super) struct Listed {
 #[derive(Debug, Default)]
 pub(super) struct FolderContent {
     /// Images in natural order.
-    pub pictures: Vec<Listed>,
+    pub images: Vec<Listed>,
     /// Unsupported images, by their paths below the folder.
     unsupported: Vec<String>,
     /// Folders of systems and of thumbnails.
@@ -128,19 +128,19 @@ pub(super) fn unsupported_image(path: &Path) -> Option<FrameError> {
 /// Lists the images in a folder and its subfolders.
 ///
 /// Hidden files and folders, and those of systems, are skipped.
-pub(super) fn list_pictures(folder: &Path) -> Result<FolderContent, FrameError> {
+pub(super) fn list_images(folder: &Path) -> Result<FolderContent, FrameError> {
     let mut walk = Walk {
         found: FolderContent::default(),
         entered: BTreeSet::new(),
     };
     walk.enter(folder, "")?;
     let FolderContent {
-        pictures,
+        images,
         unsupported,
         system,
         not_utf8,
     } = &mut walk.found;
-    pictures.sort_by(|a, b| natural_order(&a.name, &b.name));
+    images.sort_by(|a, b| natural_order(&a.name, &b.name));
     for names in [unsupported, system, not_utf8] {
         names.sort_by(|a, b| natural_order(a, b));
     }
@@ -148,8 +148,8 @@ pub(super) fn list_pictures(folder: &Path) -> Result<FolderContent, FrameError> 
 }
 
 /// Returns whether a file has the extension of an image.
-pub(super) fn has_picture_ending(path: &Path) -> bool {
-    ending_is(path, &PICTURE_ENDINGS)
+pub(super) fn has_image_ending(path: &Path) -> bool {
+    ending_is(path, &IMAGE_ENDINGS)
 }
 
 fn ending_is(path: &Path, endings: &[&str]) -> bool {
@@ -194,11 +194,11 @@ impl Walk {
             .map_err(|source| FrameError::io(&path, source))?;
         let is_folder = kind.is_dir() || (kind.is_symlink() && path.is_dir());
         let is_file = kind.is_file() || kind.is_symlink();
-        let (is_picture, is_unsupported) = (
-            is_file && has_picture_ending(&path),
+        let (is_image, is_unsupported) = (
+            is_file && has_image_ending(&path),
             is_file && ending_is(&path, &UNSUPPORTED_ENDINGS),
         );
-        if !is_folder && !is_picture && !is_unsupported {
+        if !is_folder && !is_image && !is_unsupported {
             return Ok(());
         }
         let own_name = own_name.to_string_lossy();
@@ -223,7 +223,7 @@ impl Walk {
         if is_folder {
             return self.enter(&path, &name);
         }
-        self.found.pictures.push(Listed { name, path });
+        self.found.images.push(Listed { name, path });
         Ok(())
     }
 }
@@ -281,14 +281,14 @@ pub(super) enum Origin {
     /// An image file.
     File(PathBuf),
     /// An image of a video, with its size as shown.
-    Film(PictureSource, (u32, u32)),
+    Video(ImageSource, (u32, u32)),
 }
 
 /// Returns an item without depth.
-pub(super) fn without_depth(picture: Listed) -> Item {
+pub(super) fn without_depth(image: Listed) -> Item {
     Item {
-        name: picture.name,
-        origin: Origin::File(picture.path),
+        name: image.name,
+        origin: Origin::File(image.path),
         depth: None,
     }
 }
@@ -309,7 +309,7 @@ impl Item {
     pub fn listed(&self) -> Listed {
         let path = match &self.origin {
             Origin::File(path) => path.clone(),
-            Origin::Film(source, _) => source.path().into(),
+            Origin::Video(source, _) => source.path().into(),
         };
         Listed {
             name: self.name.clone(),
@@ -321,14 +321,14 @@ impl Item {
     pub fn identity(&self) -> (PathBuf, u64) {
         match &self.origin {
             Origin::File(path) => (path.clone(), 0),
-            Origin::Film(source, _) => source.identity(),
+            Origin::Video(source, _) => source.identity(),
         }
     }
 
     /// Returns the image file and the depth file if both exist.
     pub fn files_with_depth(&self) -> Option<(&Path, &Path)> {
         match (&self.origin, &self.depth) {
-            (Origin::File(picture), Some(depth)) => Some((picture, depth)),
+            (Origin::File(image), Some(depth)) => Some((image, depth)),
             _ => None,
         }
     }
@@ -347,10 +347,10 @@ mod tests {
         std::fs::write(folder.path().join("a.png"), "").unwrap();
         std::fs::write(folder.path().join(OsStr::from_bytes(b"b\xe9.png")), "").unwrap();
         std::fs::create_dir(folder.path().join(OsStr::from_bytes(b"c\xe9"))).unwrap();
-        let found = list_pictures(folder.path()).unwrap();
+        let found = list_images(folder.path()).unwrap();
         assert_eq!(
             found
-                .pictures
+                .images
                 .iter()
                 .map(|listed| listed.name.as_str())
                 .collect::<Vec<_>>(),

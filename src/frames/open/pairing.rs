@@ -7,7 +7,7 @@ use super::listing::{Item, Listed};
 use super::request::OpenRequest;
 use crate::FrameError;
 use crate::cameras::TUM_TOLERANCE_S;
-use crate::names::{file_of, without_ending};
+use crate::name_parts::{file_of, without_ending};
 use ostra_core::disk;
 
 /// Words in file names that describe the content of an image, not its identity.
@@ -23,9 +23,9 @@ pub(super) struct Pairs {
 
 impl Pairs {
     /// Returns no pairs among `pictures` images and `depths` depth files.
-    pub fn none(pictures: usize, depths: usize) -> Self {
+    pub fn none(images: usize, depths: usize) -> Self {
         Self {
-            depth_of: vec![None; pictures],
+            depth_of: vec![None; images],
             used: vec![false; depths],
         }
     }
@@ -36,9 +36,9 @@ impl Pairs {
     }
 
     /// Pairs the two unless one of them already has a partner.
-    pub fn join(&mut self, picture: usize, depth: usize) {
-        if self.depth_of[picture].is_none() && !self.used[depth] {
-            self.depth_of[picture] = Some(depth);
+    pub fn join(&mut self, image: usize, depth: usize) {
+        if self.depth_of[image].is_none() && !self.used[depth] {
+            self.depth_of[image] = Some(depth);
             self.used[depth] = true;
         }
     }
@@ -46,14 +46,14 @@ impl Pairs {
     /// Pairs images and depth with the same key, if only one image and one depth have it.
     fn join_by_key(
         &mut self,
-        pictures: &[&str],
+        images: &[&str],
         depths: &[&str],
         key: impl Fn(&str) -> Option<String>,
     ) {
-        let (pictures, depths) = (unique_by_key(pictures, &key), unique_by_key(depths, &key));
-        for (key, picture) in pictures {
-            if let (Some(picture), Some(Some(depth))) = (picture, depths.get(&key)) {
-                self.join(picture, *depth);
+        let (images, depths) = (unique_by_key(images, &key), unique_by_key(depths, &key));
+        for (key, image) in images {
+            if let (Some(image), Some(Some(depth))) = (image, depths.get(&key)) {
+                self.join(image, *depth);
             }
         }
     }
@@ -62,29 +62,27 @@ impl Pairs {
 /// Adds pairs by name: without extension, then without role words, then by the number.
 ///
 /// Role words distinguish colour from depth.
-fn pair_by_name(pairs: &mut Pairs, pictures: &[&str], depths: &[&str]) {
-    pairs.join_by_key(pictures, depths, |name| Some(without_ending(name).into()));
-    pairs.join_by_key(pictures, depths, |name| {
+fn pair_by_name(pairs: &mut Pairs, images: &[&str], depths: &[&str]) {
+    pairs.join_by_key(images, depths, |name| Some(without_ending(name).into()));
+    pairs.join_by_key(images, depths, |name| {
         Some(without_role(without_ending(name)))
     });
     let position = [Position::Last, Position::First]
         .into_iter()
         .max_by_key(|position| {
-            let mut trial = Pairs::none(pictures.len(), depths.len());
-            trial.join_by_key(pictures, depths, |name| {
-                number_in_file_name(name, *position)
-            });
+            let mut trial = Pairs::none(images.len(), depths.len());
+            trial.join_by_key(images, depths, |name| number_in_file_name(name, *position));
             (trial.count(), *position == Position::Last)
         });
     let position = position.unwrap_or(Position::Last);
-    pairs.join_by_key(pictures, depths, |name| {
+    pairs.join_by_key(images, depths, |name| {
         Some(format!(
             "{}/{}",
             folder_of(name),
             number_in_file_name(name, position)?
         ))
     });
-    pairs.join_by_key(pictures, depths, |name| number_in_file_name(name, position));
+    pairs.join_by_key(images, depths, |name| number_in_file_name(name, position));
 }
 
 /// Position of the number of a file name that counts.
@@ -157,13 +155,13 @@ fn number_in_file_name(name: &str, position: Position) -> Option<String> {
 /// It uses `associations.txt` in `places` or above them, else the times in names, else name and
 /// number.
 pub(super) fn pair(
-    pictures: &[Listed],
+    images: &[Listed],
     depths: &[Listed],
     places: &[&Path],
     warnings: &mut Vec<String>,
 ) -> Result<Pairs, FrameError> {
-    let mut pairs = Pairs::none(pictures.len(), depths.len());
-    if let (&[_], &[_]) = (pictures, depths) {
+    let mut pairs = Pairs::none(images.len(), depths.len());
+    if let (&[_], &[_]) = (images, depths) {
         pairs.join(0, 0);
         return Ok(pairs);
     }
@@ -172,18 +170,18 @@ pub(super) fn pair(
         .flat_map(|place| [Some(*place), place.parent()])
         .flatten()
         .collect();
-    if let Some(list) = pair_by_associations(&mut pairs, &folders, pictures, depths)? {
+    if let Some(list) = pair_by_associations(&mut pairs, &folders, images, depths)? {
         if pairs.count() > 0 {
             return Ok(pairs);
         }
         warnings.push(format!(
-            "{}: names none of these pictures; depth is paired by name",
+            "{}: names none of these images; depth is paired by name",
             list.display()
         ));
     }
-    let (pictures, depths) = (names(pictures), names(depths));
-    if !pair_by_time(&mut pairs, &pictures, &depths) {
-        pair_by_name(&mut pairs, &pictures, &depths);
+    let (images, depths) = (names(images), names(depths));
+    if !pair_by_time(&mut pairs, &images, &depths) {
+        pair_by_name(&mut pairs, &images, &depths);
     }
     Ok(pairs)
 }
@@ -198,9 +196,9 @@ pub(super) fn with_depth(items: Vec<Item>, depths: &[Listed], pairs: &Pairs) -> 
 }
 
 /// Returns a warning for TUM recordings, whose names are times and which have their own depth unit.
-pub(super) fn warn_of_tum_unit(pictures: &[Listed], depth_unit: f64) -> Option<String> {
+pub(super) fn warn_of_tum_unit(images: &[Listed], depth_unit: f64) -> Option<String> {
     let usual = depth_unit.to_bits() == OpenRequest::default().depth_unit.to_bits();
-    (usual && times_of(&names(pictures)).is_some()).then(|| {
+    (usual && times_of(&names(images)).is_some()).then(|| {
         "the names are times, as in TUM recordings, whose depth has 5000 steps a metre: give --depth-unit 0.0002 if this \
          is one (now 0.001)"
             .into()
@@ -217,7 +215,7 @@ fn names(listed: &[Listed]) -> Vec<&str> {
 fn pair_by_associations(
     pairs: &mut Pairs,
     folders: &[&Path],
-    pictures: &[Listed],
+    images: &[Listed],
     depths: &[Listed],
 ) -> Result<Option<PathBuf>, FrameError> {
     let found = folders
@@ -226,7 +224,7 @@ fn pair_by_associations(
         .find(|path| path.is_file());
     let Some(path) = found else { return Ok(None) };
     let text = disk::read_text(&path).map_err(|reason| FrameError::io(&path, reason))?;
-    let (pictures, depths) = (ByFileName::new(pictures), ByFileName::new(depths));
+    let (images, depths) = (ByFileName::new(images), ByFileName::new(depths));
     for line in text
         .lines()
         .filter(|line| !line.trim_start().starts_with('#'))
@@ -235,9 +233,9 @@ fn pair_by_associations(
         let &[_, one, _, other, ..] = words.as_slice() else {
             continue;
         };
-        for (picture, depth) in [(one, other), (other, one)] {
-            if let (Some(picture), Some(depth)) = (pictures.find(picture), depths.find(depth)) {
-                pairs.join(picture, depth);
+        for (image, depth) in [(one, other), (other, one)] {
+            if let (Some(image), Some(depth)) = (images.find(image), depths.find(depth)) {
+                pairs.join(image, depth);
             }
         }
     }
@@ -247,23 +245,23 @@ fn pair_by_associations(
 /// Adds pairs of nearest times, at most 0.02 s apart.
 ///
 /// Returns whether all names are times in seconds; otherwise nothing is paired.
-fn pair_by_time(pairs: &mut Pairs, pictures: &[&str], depths: &[&str]) -> bool {
-    let (Some(pictures), Some(depths)) = (times_of(pictures), times_of(depths)) else {
+fn pair_by_time(pairs: &mut Pairs, images: &[&str], depths: &[&str]) -> bool {
+    let (Some(images), Some(depths)) = (times_of(images), times_of(depths)) else {
         return false;
     };
     let mut by_time: Vec<(f64, usize)> = depths.iter().copied().zip(0..).collect();
     by_time.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut candidates = Vec::new();
-    for (picture, time) in pictures.iter().enumerate() {
+    for (image, time) in images.iter().enumerate() {
         let start = by_time.partition_point(|(t, _)| *t < time - TUM_TOLERANCE_S);
         let near = by_time[start..]
             .iter()
             .take_while(|(t, _)| *t <= time + TUM_TOLERANCE_S);
-        candidates.extend(near.map(|(t, depth)| ((t - time).abs(), picture, *depth)));
+        candidates.extend(near.map(|(t, depth)| ((t - time).abs(), image, *depth)));
     }
     candidates.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-    for (_, picture, depth) in candidates {
-        pairs.join(picture, depth);
+    for (_, image, depth) in candidates {
+        pairs.join(image, depth);
     }
     true
 }
@@ -313,9 +311,9 @@ impl<'a> ByFileName<'a> {
 mod tests {
     use super::*;
 
-    fn pair(pictures: &[&str], depths: &[&str]) -> Vec<Option<usize>> {
-        let mut pairs = Pairs::none(pictures.len(), depths.len());
-        pair_by_name(&mut pairs, pictures, depths);
+    fn pair(images: &[&str], depths: &[&str]) -> Vec<Option<usize>> {
+        let mut pairs = Pairs::none(images.len(), depths.len());
+        pair_by_name(&mut pairs, images, depths);
         pairs.depth_of
     }
 
@@ -329,10 +327,10 @@ mod tests {
 
     #[test]
     fn pairs_by_name_without_the_words_color_and_depth() {
-        let pictures = ["frame-000000.color.png", "frame-000001.color.png"];
+        let images = ["frame-000000.color.png", "frame-000001.color.png"];
         assert_eq!(
             pair(
-                &pictures,
+                &images,
                 &["frame-000001.depth.png", "frame-000000.depth.png"]
             ),
             [Some(1), Some(0)]
@@ -387,10 +385,10 @@ mod tests {
 
     #[test]
     fn nearest_times_are_paired_one_to_one() {
-        let pictures = ["10.000.png", "10.033.png", "11.0.png"];
+        let images = ["10.000.png", "10.033.png", "11.0.png"];
         let depths = ["10.030.png", "10.012.png", "11.021.png"];
         let mut pairs = Pairs::none(3, 3);
-        assert!(pair_by_time(&mut pairs, &pictures, &depths));
+        assert!(pair_by_time(&mut pairs, &images, &depths));
         assert_eq!(
             pairs.depth_of,
             [Some(1), Some(0), None],
@@ -414,13 +412,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let text = "# depth first\n1.0 depth/b.png 1.01 rgb/a.png\n2.0 rgb/c.png 2.0 depth/d.png\nbroken line\n";
         std::fs::write(folder.path().join("associations.txt"), text).unwrap();
-        let (pictures, depths) = (
+        let (images, depths) = (
             listed(&["rgb/a.png", "rgb/c.png"]),
             listed(&["depth/b.png", "depth/d.png"]),
         );
         let mut pairs = Pairs::none(2, 2);
         assert!(
-            pair_by_associations(&mut pairs, &[folder.path()], &pictures, &depths)
+            pair_by_associations(&mut pairs, &[folder.path()], &images, &depths)
                 .unwrap()
                 .is_some()
         );

@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 
 use super::headers::Sensor;
 use super::listing::{
-    Item, Listed, Origin, PICTURE_ENDINGS, has_picture_ending, list_pictures, natural_order,
-    text_of, unsupported_image, without_depth,
+    IMAGE_ENDINGS, Item, Listed, Origin, has_image_ending, list_images, natural_order, text_of,
+    unsupported_image, without_depth,
 };
 use super::pairing::{pair, says_depth, warn_of_tum_unit, with_depth, without_role};
 use super::request::FrameFolder;
-use crate::film::{Probed, probe};
 use crate::header::{FileKind, kind_of_file, read_header};
-use crate::names::without_ending;
-use crate::{FrameError, PictureSource};
+use crate::name_parts::without_ending;
+use crate::video::{Probed, probe};
+use crate::{FrameError, ImageSource};
 use ostra_core::job::Progress;
 
 /// The images of one source, in order.
@@ -31,8 +31,8 @@ pub(super) struct Source {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Folder,
-    Picture,
-    Film,
+    Image,
+    Video,
 }
 
 /// Inputs of listing besides the source, and its reports.
@@ -49,10 +49,10 @@ impl Listing<'_> {
         let kind = kind_of(&place)?;
         let depth = given.depth.as_deref().map(located).transpose()?;
         let items = match (kind, depth) {
-            (Kind::Film, depth) => self.film(&place, depth.as_deref())?,
-            (Kind::Picture, None) => vec![without_depth(one_file(&place))],
+            (Kind::Video, depth) => self.video(&place, depth.as_deref())?,
+            (Kind::Image, None) => vec![without_depth(one_file(&place))],
             (Kind::Folder, None) => {
-                let listed = self.pictures_in(&place)?;
+                let listed = self.images_in(&place)?;
                 recognise(&place, listed, self)?
             }
             (_, Some(depth)) => self.with_given_depth(&place, &depth)?,
@@ -61,61 +61,61 @@ impl Listing<'_> {
     }
 
     fn with_given_depth(&mut self, place: &Path, depth: &Path) -> Result<Vec<Item>, FrameError> {
-        let mut pictures = self.pictures_at(place)?;
+        let mut images = self.images_at(place)?;
         let mut depths = if depth == place {
             Vec::new()
         } else {
-            self.pictures_at(depth)?
+            self.images_at(depth)?
         };
         if depth == place {
-            (pictures, depths) = split_by_name(pictures);
+            (images, depths) = split_by_name(images);
         } else if depth.starts_with(place) {
-            pictures = beside_depth(pictures, depth);
+            images = next_to_depth(images, depth);
         }
-        let items = pictures.into_iter().map(without_depth).collect();
+        let items = images.into_iter().map(without_depth).collect();
         self.paired(items, &depths, [place, depth])
     }
 
-    fn film(&mut self, film: &Path, depth: Option<&Path>) -> Result<Vec<Item>, FrameError> {
-        let probed = probe(film, self.progress)?;
+    fn video(&mut self, video: &Path, depth: Option<&Path>) -> Result<Vec<Item>, FrameError> {
+        let probed = probe(video, self.progress)?;
         if let Some(damage) = &probed.damage {
             let count = probed.times_s.len();
             self.warnings.push(format!(
-                "{}: damaged ({damage}); {count} pictures can be read",
-                film.display()
+                "{}: damaged ({damage}); {count} images can be read",
+                video.display()
             ));
         }
-        let items = film_items(film, &probed);
+        let items = video_items(video, &probed);
         match depth {
             Some(depth) => {
-                let depths = self.pictures_at(depth)?;
-                self.paired(items, &depths, [film, depth])
+                let depths = self.images_at(depth)?;
+                self.paired(items, &depths, [video, depth])
             }
             None => Ok(items),
         }
     }
 
-    fn pictures_at(&mut self, place: &Path) -> Result<Vec<Listed>, FrameError> {
+    fn images_at(&mut self, place: &Path) -> Result<Vec<Listed>, FrameError> {
         if place.is_dir() {
-            self.pictures_in(place)
+            self.images_in(place)
         } else {
             Ok(vec![one_file(place)])
         }
     }
 
-    fn pictures_in(&mut self, place: &Path) -> Result<Vec<Listed>, FrameError> {
-        let found = list_pictures(place)?;
-        if found.pictures.is_empty() {
+    fn images_in(&mut self, place: &Path) -> Result<Vec<Listed>, FrameError> {
+        let found = list_images(place)?;
+        if found.images.is_empty() {
             let left_out = found.left_out();
             return Err(FrameError::NotFound(format!(
-                "{}: no pictures in this folder or below it (looked for names ending in {}); give a folder of pictures, \
-                 or a film by its own path{left_out}",
+                "{}: no images in this folder or below it (looked for names ending in {}); give a folder of images, \
+                 or a video by its own path{left_out}",
                 place.display(),
-                PICTURE_ENDINGS.join(", ")
+                IMAGE_ENDINGS.join(", ")
             )));
         }
         self.warnings.extend(found.warnings(place));
-        Ok(found.pictures)
+        Ok(found.images)
     }
 
     /// Pairs images with the depth given by the user; it is an error if none matches.
@@ -130,7 +130,7 @@ impl Listing<'_> {
         if pairs.count() == 0 {
             let [place, depth] = places.map(Path::display);
             return Err(FrameError::NotFound(format!(
-                "{depth}: no depth picture fits a frame of {place}, by name, number or time; check that the two belong \
+                "{depth}: no depth image fits a frame of {place}, by name, number or time; check that the two belong \
                  together"
             )));
         }
@@ -140,16 +140,16 @@ impl Listing<'_> {
     }
 }
 
-fn film_items(film: &Path, probed: &Probed) -> Vec<Item> {
+fn video_items(video: &Path, probed: &Probed) -> Vec<Item> {
     let item = |(index, &time_s): (u64, &f64)| {
-        let source = PictureSource::Film {
-            path: film.into(),
+        let source = ImageSource::Video {
+            path: video.into(),
             index,
             time_s,
         };
         Item {
             name: format!("{index:06}"),
-            origin: Origin::Film(source, (probed.width, probed.height)),
+            origin: Origin::Video(source, (probed.width, probed.height)),
             depth: None,
         }
     };
@@ -159,7 +159,7 @@ fn film_items(film: &Path, probed: &Probed) -> Vec<Item> {
 /// Returns the prefix of names of a source's frames: for a video its name without extension.
 pub(super) fn stem(source: &Source) -> PathBuf {
     match (source.kind, source.place.to_str()) {
-        (Kind::Film, Some(place)) => without_ending(place).into(),
+        (Kind::Video, Some(place)) => without_ending(place).into(),
         _ => source.place.clone(),
     }
 }
@@ -168,14 +168,14 @@ fn kind_of(place: &Path) -> Result<Kind, FrameError> {
     if place.is_dir() {
         return Ok(Kind::Folder);
     }
-    if has_picture_ending(place) {
-        return Ok(Kind::Picture);
+    if has_image_ending(place) {
+        return Ok(Kind::Image);
     }
     // The content decides if it is clear. Raw files of cameras begin like TIFF.
     match (kind_of_file(place)?, unsupported_image(place)) {
-        (FileKind::Image, _) | (FileKind::Tiff, None) => Ok(Kind::Picture),
+        (FileKind::Image, _) | (FileKind::Tiff, None) => Ok(Kind::Image),
         (_, Some(error)) | (FileKind::Heif(error), None) => Err(error),
-        (FileKind::Other, None) => Ok(Kind::Film),
+        (FileKind::Other, None) => Ok(Kind::Video),
     }
 }
 
@@ -217,7 +217,7 @@ const DEPTH_FOLDERS: [&str; 2] = ["depth", "depths"];
 #[derive(Debug, Default)]
 struct Recording {
     place: PathBuf,
-    pictures: Vec<Listed>,
+    images: Vec<Listed>,
     depths: Vec<Listed>,
     left_out: usize,
 }
@@ -243,14 +243,14 @@ fn recognise(
 ///
 /// All are colour unless a depth name matches a colour name.
 fn split_by_name(listed: Vec<Listed>) -> (Vec<Listed>, Vec<Listed>) {
-    let (depths, pictures): (Vec<_>, Vec<_>) =
+    let (depths, images): (Vec<_>, Vec<_>) =
         listed.into_iter().partition(|file| says_depth(&file.name));
     let key = |file: &Listed| without_role(without_ending(&file.name));
-    let keys: BTreeSet<String> = pictures.iter().map(key).collect();
+    let keys: BTreeSet<String> = images.iter().map(key).collect();
     if depths.iter().any(|depth| keys.contains(&key(depth))) {
-        return (pictures, depths);
+        return (images, depths);
     }
-    let mut all = [pictures, depths].concat();
+    let mut all = [images, depths].concat();
     all.sort_by(|a, b| natural_order(&a.name, &b.name));
     (all, Vec::new())
 }
@@ -258,18 +258,16 @@ fn split_by_name(listed: Vec<Listed>) -> (Vec<Listed>, Vec<Listed>) {
 /// Returns the images that belong to a depth folder among them.
 ///
 /// These are the images of the colour folder next to it, if there is one.
-fn beside_depth(mut pictures: Vec<Listed>, depth: &Path) -> Vec<Listed> {
-    pictures.retain(|picture| !picture.path.starts_with(depth));
-    let beside = COLOR_FOLDERS.iter().map(|name| depth.with_file_name(name));
-    let color = beside.into_iter().find(|color| {
-        pictures
-            .iter()
-            .any(|picture| picture.path.starts_with(color))
-    });
+fn next_to_depth(mut images: Vec<Listed>, depth: &Path) -> Vec<Listed> {
+    images.retain(|image| !image.path.starts_with(depth));
+    let adjacent = COLOR_FOLDERS.iter().map(|name| depth.with_file_name(name));
+    let color = adjacent
+        .into_iter()
+        .find(|color| images.iter().any(|image| image.path.starts_with(color)));
     if let Some(color) = color {
-        pictures.retain(|picture| picture.path.starts_with(&color));
+        images.retain(|image| image.path.starts_with(&color));
     }
-    pictures
+    images
 }
 
 fn recordings(place: &Path, listed: Vec<Listed>) -> Vec<Recording> {
@@ -293,17 +291,17 @@ fn recordings(place: &Path, listed: Vec<Listed>) -> Vec<Recording> {
             ..Recording::default()
         });
         if is_below(&file.name, color) {
-            recording.pictures.push(file);
+            recording.images.push(file);
         } else if is_below(&file.name, depth) {
             recording.depths.push(file);
         } else {
             recording.left_out += 1;
         }
     }
-    let (pictures, depths) = split_by_name(rest);
+    let (images, depths) = split_by_name(rest);
     let rest = Recording {
         place: place.into(),
-        pictures,
+        images,
         depths,
         left_out: 0,
     };
@@ -354,12 +352,12 @@ fn is_below(name: &str, folder: &str) -> bool {
 
 impl Recording {
     fn items(self, listing: &mut Listing) -> Result<Vec<Item>, FrameError> {
-        let items: Vec<Item> = self.pictures.iter().cloned().map(without_depth).collect();
+        let items: Vec<Item> = self.images.iter().cloned().map(without_depth).collect();
         if self.depths.is_empty() {
             return Ok(items);
         }
         let pairs = pair(
-            &self.pictures,
+            &self.images,
             &self.depths,
             &[&self.place],
             &mut listing.warnings,
@@ -380,34 +378,34 @@ impl Recording {
         }
         let left_out = match self.left_out {
             0 => String::new(),
-            other => format!(", {other} other pictures in it are left out"),
+            other => format!(", {other} other images in it are left out"),
         };
         let paired = pairs.count();
         listing.warnings.push(format!(
-            "{place}: taken for an RGB-D recording: {paired} of {count} pictures have depth{left_out}; if that is wrong, \
+            "{place}: taken for an RGB-D recording: {paired} of {count} images have depth{left_out}; if that is wrong, \
              name its folders with --frames and --depth"
         ));
         listing
             .warnings
-            .extend(warn_of_tum_unit(&self.pictures, listing.sensor.unit));
+            .extend(warn_of_tum_unit(&self.images, listing.sensor.unit));
         Ok(with)
     }
 }
 
 /// Returns why depth that was not requested cannot be used, judged by the first pair.
 fn why_unfit(items: &[Item], sensor: &Sensor) -> Option<String> {
-    let Some((picture, depth)) = items.iter().find_map(Item::files_with_depth) else {
-        return Some("no depth picture fits a colour picture by name, number or time".into());
+    let Some((image, depth)) = items.iter().find_map(Item::files_with_depth) else {
+        return Some("no depth image fits a colour image by name, number or time".into());
     };
-    let (Ok(picture), Ok(depth)) = (read_header(picture), read_header(depth)) else {
+    let (Ok(image), Ok(depth)) = (read_header(image), read_header(depth)) else {
         return None;
     };
     if !depth.is_depth() {
         return Some("its depth images are not grey images of 16 bits or of floats".into());
     }
-    let sizes = ((picture.width, picture.height), (depth.width, depth.height));
+    let sizes = ((image.width, image.height), (depth.width, depth.height));
     (sizes.0 != sizes.1 && sensor.camera.is_none()).then(|| {
         let ((w, h), (depth_w, depth_h)) = sizes;
-        format!("depth of {depth_w} × {depth_h} pixels does not fit pictures of {w} × {h} (--depth-intrinsics)")
+        format!("depth of {depth_w} × {depth_h} pixels does not fit images of {w} × {h} (--depth-intrinsics)")
     })
 }

@@ -1,7 +1,7 @@
 use glam::{DVec2, DVec3};
 
 use super::refine::{Reprojection, refined};
-use super::seen::{Blocks, Seen, seen};
+use super::seen::{Blocks, PointObservation, seen};
 use crate::ransac::{Estimator, RansacOptions, consensus};
 use crate::solvers::{minimise, p3p};
 use crate::{Camera, Pose};
@@ -75,7 +75,7 @@ pub fn estimate_absolute_pose(
 /// Returns the pose and the indices of the inliers.
 pub(super) fn pose_of(
     camera: &Camera,
-    seen: &[Seen],
+    seen: &[PointObservation],
     options: &AbsolutePoseOptions,
 ) -> Option<(Pose, Vec<u32>)> {
     let search = Resection {
@@ -111,7 +111,7 @@ pub(super) fn pose_of(
     (inliers.len() >= min_inliers).then_some((pose, inliers))
 }
 
-pub(super) fn chosen(seen: &[Seen], places: &[u32]) -> Vec<Seen> {
+pub(super) fn chosen(seen: &[PointObservation], places: &[u32]) -> Vec<PointObservation> {
     places.iter().map(|&place| seen[place as usize]).collect()
 }
 
@@ -134,7 +134,7 @@ fn in_one_line(points: impl Iterator<Item = DVec3> + Clone) -> bool {
 
 struct Resection<'a> {
     camera: &'a Camera,
-    seen: &'a [Seen],
+    seen: &'a [PointObservation],
     blocks: Blocks,
 }
 
@@ -233,7 +233,7 @@ pub fn estimate_absolute_pose_and_focal(
 /// A camera's pose for one focal length.
 struct Found {
     camera: Camera,
-    seen: Vec<Seen>,
+    seen: Vec<PointObservation>,
     pose: crate::Pose,
     inliers: Vec<u32>,
 }

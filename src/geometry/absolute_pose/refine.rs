@@ -1,13 +1,13 @@
 use glam::{DQuat, DVec2, DVec3};
 
-use super::seen::{Seen, seen};
+use super::seen::{PointObservation, seen};
 use crate::solvers::{Linearised, Problem, minimise};
 use crate::{Camera, Pose};
 
 /// Maximum number of Levenberg–Marquardt steps.
 const STEPS: usize = 20;
 /// Scale of Cauchy's loss, pixels.
-const DOUBT_PX: f64 = 1.0;
+const RESIDUAL_SCALE_PX: f64 = 1.0;
 
 /// Refines a pose to the least reprojection error under Cauchy's loss (scale 1 px).
 ///
@@ -23,7 +23,12 @@ pub fn refine_absolute_pose(
     refined(camera, start, &seen(camera, at_px, points), STEPS)
 }
 
-pub(super) fn refined(camera: &Camera, start: &Pose, seen: &[Seen], max_steps: usize) -> Pose {
+pub(super) fn refined(
+    camera: &Camera,
+    start: &Pose,
+    seen: &[PointObservation],
+    max_steps: usize,
+) -> Pose {
     if seen.len() < 3 {
         return *start;
     }
@@ -42,7 +47,7 @@ pub(super) fn refined(camera: &Camera, start: &Pose, seen: &[Seen], max_steps: u
 pub(super) struct Reprojection<'a> {
     pub camera: Camera,
     pub pose: Pose,
-    pub seen: &'a [Seen],
+    pub seen: &'a [PointObservation],
 }
 
 /// Cost of a point behind the camera or outside the lens model, square pixels.
@@ -63,7 +68,7 @@ struct Row {
 impl Reprojection<'_> {
     /// Calls `add` for every point that the camera sees; returns the total cost.
     fn each(&self, mut add: impl FnMut(&Row)) -> f64 {
-        const SCALE: f64 = DOUBT_PX * DOUBT_PX;
+        const SCALE: f64 = RESIDUAL_SCALE_PX * RESIDUAL_SCALE_PX;
         let mut cost = 0.0;
         for one in self.seen {
             let turned = self.pose.rotation * one.point;
@@ -73,8 +78,8 @@ impl Reprojection<'_> {
                 continue;
             };
             let miss = at - one.at_px;
-            let doubt = miss.length_squared() / SCALE;
-            cost += SCALE * doubt.ln_1p();
+            let relative_cost = miss.length_squared() / SCALE;
+            cost += SCALE * relative_cost.ln_1p();
             let plane = [
                 DVec3::new(1.0, 0.0, -x.x / x.z) / x.z,
                 DVec3::new(0.0, 1.0, -x.y / x.z) / x.z,
@@ -90,7 +95,7 @@ impl Reprojection<'_> {
                 shift,
                 turned,
                 from_centre,
-                weight: (1.0 + doubt).recip(),
+                weight: (1.0 + relative_cost).recip(),
             });
         }
         cost

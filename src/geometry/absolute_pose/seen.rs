@@ -7,7 +7,7 @@ use crate::{Camera, Pose};
 
 /// A known point and its position in the image.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Seen {
+pub(super) struct PointObservation {
     pub point: DVec3,
     pub at_px: DVec2,
     pub ray: DVec2,
@@ -18,7 +18,7 @@ pub(super) struct Seen {
 }
 
 /// Returns all points that are finite and at positions that the lens covers.
-pub(super) fn seen(camera: &Camera, at_px: &[DVec2], points: &[DVec3]) -> Vec<Seen> {
+pub(super) fn seen(camera: &Camera, at_px: &[DVec2], points: &[DVec3]) -> Vec<PointObservation> {
     let one = |(given, (&at_px, &point)): (usize, (&DVec2, &DVec3))| {
         let ray = camera.unproject(at_px);
         let finite = at_px.is_finite() && point.is_finite() && ray.is_finite();
@@ -27,7 +27,7 @@ pub(super) fn seen(camera: &Camera, at_px: &[DVec2], points: &[DVec3]) -> Vec<Se
         } else {
             return None;
         };
-        slope.is_finite().then_some(Seen {
+        slope.is_finite().then_some(PointObservation {
             point,
             at_px,
             ray,
@@ -60,7 +60,7 @@ pub(super) struct Blocks {
 }
 
 impl Blocks {
-    pub fn new(seen: &[Seen], max_error_px: f64) -> Self {
+    pub fn new(seen: &[PointObservation], max_error_px: f64) -> Self {
         let nan = [f64::NAN; LANES];
         let mut blocks = vec![
             Block {

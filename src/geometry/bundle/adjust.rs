@@ -5,11 +5,11 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::arrange::arrange;
-use super::layout::{Layout, Piece};
+use super::layout::{Layout, PointBlock};
 use super::linearise::PointTerms;
 use super::normal::Normal;
 use super::problem::{Bundle, BundleOptions, BundleSummary};
-use super::state::{Observed, State};
+use super::state::{CameraState, Observed};
 use crate::blocks::{Column, dot};
 
 /// Damping of the normal equations and how it changes.
@@ -55,13 +55,13 @@ pub fn adjust(
     options: &BundleOptions,
     step: &mut dyn FnMut(usize, f64) -> ControlFlow<()>,
 ) -> BundleSummary {
-    let state = State::new(bundle, options);
-    let (layout, pieces) = arrange(bundle, options, &state);
-    let cost = cost(&pieces, &state);
+    let state = CameraState::new(bundle, options);
+    let (layout, point_blocks) = arrange(bundle, options, &state);
+    let cost = cost(&point_blocks, &state);
     let mut search = Search {
         normal: Normal::new(&layout),
         layout,
-        pieces,
+        point_blocks,
         state,
         cost,
     };
@@ -75,8 +75,8 @@ pub fn adjust(
 /// An adjustment in progress; state and points are always the best so far.
 struct Search {
     layout: Layout,
-    pieces: Vec<Piece>,
-    state: State,
+    point_blocks: Vec<PointBlock>,
+    state: CameraState,
     cost: f64,
     normal: Normal,
 }
@@ -95,7 +95,7 @@ impl Search {
             iterations: 0,
             initial_cost: self.cost,
             final_cost: self.cost,
-            converged: self.pieces.is_empty(),
+            converged: self.point_blocks.is_empty(),
             stopped: false,
         };
         while !summary.converged && summary.iterations < options.max_iterations {
@@ -113,7 +113,7 @@ impl Search {
     /// Tries one step and accepts it if it lowers the cost; returns whether it has converged.
     fn iterate(&mut self, damping: &mut Damping, tolerance: f64) -> bool {
         self.normal
-            .build(&self.pieces, &self.layout, &self.state, damping.value);
+            .build(&self.point_blocks, &self.layout, &self.state, damping.value);
         let tried = self
             .normal
             .solve()
@@ -133,24 +133,24 @@ impl Search {
         outcome.predicted <= least.min(f64::EPSILON * self.cost) || damping.value > MOST_DAMPING
     }
 
-    fn attempt(&mut self, step: &[Column], damping: f64) -> (State, Outcome) {
+    fn attempt(&mut self, step: &[Column], damping: f64) -> (CameraState, StepOutcome) {
         let moved = self.state.moved(&self.layout, step);
-        let trial = Trial {
+        let candidate = CandidateStep {
             layout: &self.layout,
             state: &self.state,
             moved: &moved,
             step,
             damping,
         };
-        let outcome = trial.evaluate(&mut self.pieces);
+        let outcome = candidate.evaluate(&mut self.point_blocks);
         (moved, outcome)
     }
 
-    fn accept(&mut self, moved: State, cost: f64) {
+    fn accept(&mut self, moved: CameraState, cost: f64) {
         self.state = moved;
         self.cost = cost;
-        for piece in &mut self.pieces {
-            std::mem::swap(&mut piece.points, &mut piece.tried);
+        for point_block in &mut self.point_blocks {
+            std::mem::swap(&mut point_block.points, &mut point_block.tried);
         }
     }
 
@@ -160,8 +160,8 @@ impl Search {
         for (image, pose) in bundle.images.iter_mut().zip(&self.state.poses) {
             image.camera_from_world = *pose;
         }
-        for piece in &self.pieces {
-            for (&id, &point) in piece.ids.iter().zip(&piece.points) {
+        for point_block in &self.point_blocks {
+            for (&id, &point) in point_block.ids.iter().zip(&point_block.points) {
                 bundle.points[id as usize] = point;
             }
         }
@@ -169,19 +169,19 @@ impl Search {
 }
 
 /// A candidate step of all poses and intrinsics.
-pub(super) struct Trial<'a> {
+pub(super) struct CandidateStep<'a> {
     pub layout: &'a Layout,
     /// State before the step.
-    pub state: &'a State,
+    pub state: &'a CameraState,
     /// State after the step.
-    pub moved: &'a State,
+    pub moved: &'a CameraState,
     pub step: &'a [Column],
     pub damping: f64,
 }
 
 /// Effect of a step.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Outcome {
+pub(super) struct StepOutcome {
     /// Half the sum of the loss after the step, in px².
     pub cost: f64,
     /// Decrease of the cost predicted by the linear model.
@@ -189,29 +189,34 @@ pub(super) struct Outcome {
 }
 
 /// Returns half the sum of the loss over all pieces, in px².
-pub(super) fn cost(pieces: &[Piece], state: &State) -> f64 {
-    let of = |piece: &Piece| -> f64 {
-        (0..piece.points.len())
-            .map(|point| cost_at(piece, point, piece.points[point], state))
+pub(super) fn cost(point_blocks: &[PointBlock], state: &CameraState) -> f64 {
+    let of = |point_block: &PointBlock| -> f64 {
+        (0..point_block.points.len())
+            .map(|point| cost_at(point_block, point, point_block.points[point], state))
             .sum()
     };
-    let costs: Vec<f64> = pieces.par_iter().map(of).collect();
+    let costs: Vec<f64> = point_blocks.par_iter().map(of).collect();
     costs.iter().sum()
 }
 
-impl Trial<'_> {
-    /// Moves the points by the step (into [`Piece::tried`]) and evaluates the cost.
+impl CandidateStep<'_> {
+    /// Moves the points by the step (into [`PointBlock::tried`]) and evaluates the cost.
     ///
     /// Sums are in the order of the pieces.
-    pub fn evaluate(&self, pieces: &mut [Piece]) -> Outcome {
+    pub fn evaluate(&self, point_blocks: &mut [PointBlock]) -> StepOutcome {
         let arch = Arch::new();
-        let outcomes: Vec<Outcome> = pieces
+        let outcomes: Vec<StepOutcome> = point_blocks
             .par_iter_mut()
-            .map(|piece| arch.dispatch(TrialOf { trial: self, piece }))
+            .map(|point_block| {
+                arch.dispatch(TrialOf {
+                    candidate: self,
+                    point_block,
+                })
+            })
             .collect();
         outcomes
             .iter()
-            .fold(Outcome::default(), |sum, outcome| Outcome {
+            .fold(StepOutcome::default(), |sum, outcome| StepOutcome {
                 cost: sum.cost + outcome.cost,
                 predicted: sum.predicted + outcome.predicted,
             })
@@ -221,14 +226,14 @@ impl Trial<'_> {
     ///
     /// The step follows from that of poses and intrinsics.
     #[inline(always)]
-    fn point_step(&self, piece: &Piece, point: usize) -> (DVec3, f64) {
+    fn point_step(&self, point_block: &PointBlock, point: usize) -> (DVec3, f64) {
         let mut terms = PointTerms::default();
         let mut change = 0.0;
-        for sighting in &piece.sightings[piece.sightings_of(point)] {
-            let Some(observed) = self.state.observe(piece.points[point], sighting) else {
+        for observation in &point_block.observations[point_block.observations_of(point)] {
+            let Some(observed) = self.state.observe(point_block.points[point], observation) else {
                 continue;
             };
-            let shift = self.shift(&observed, sighting.image);
+            let shift = self.shift(&observed, observation.image);
             terms.add(&observed.by_point, observed.residual + shift);
             change += shift.dot(observed.residual + 0.5 * shift);
         }
@@ -265,33 +270,36 @@ impl Trial<'_> {
 }
 
 struct TrialOf<'a> {
-    trial: &'a Trial<'a>,
-    piece: &'a mut Piece,
+    candidate: &'a CandidateStep<'a>,
+    point_block: &'a mut PointBlock,
 }
 
 impl WithSimd for TrialOf<'_> {
-    type Output = Outcome;
+    type Output = StepOutcome;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> Outcome {
-        let Self { trial, piece } = self;
-        let mut outcome = Outcome::default();
-        for point in 0..piece.points.len() {
-            let (step, predicted) = trial.point_step(piece, point);
-            let tried = piece.points[point] + step;
-            piece.tried[point] = tried;
+    fn with_simd<S: Simd>(self, _: S) -> StepOutcome {
+        let Self {
+            candidate,
+            point_block,
+        } = self;
+        let mut outcome = StepOutcome::default();
+        for point in 0..point_block.points.len() {
+            let (step, predicted) = candidate.point_step(point_block, point);
+            let tried = point_block.points[point] + step;
+            point_block.tried[point] = tried;
             outcome.predicted += predicted;
-            outcome.cost += cost_at(piece, point, tried, trial.moved);
+            outcome.cost += cost_at(point_block, point, tried, candidate.moved);
         }
         outcome
     }
 }
 
 #[inline(always)]
-fn cost_at(piece: &Piece, point: usize, at: DVec3, state: &State) -> f64 {
-    let sightings = &piece.sightings[piece.sightings_of(point)];
-    sightings
+fn cost_at(point_block: &PointBlock, point: usize, at: DVec3, state: &CameraState) -> f64 {
+    let observations = &point_block.observations[point_block.observations_of(point)];
+    observations
         .iter()
-        .map(|sighting| 0.5 * state.cost(at, sighting))
+        .map(|observation| 0.5 * state.cost(at, observation))
         .sum()
 }

@@ -1,6 +1,6 @@
-use super::layout::{Layout, Piece, Sighting};
+use super::layout::{Layout, Observation, PointBlock};
 use super::problem::{Bundle, BundleOptions};
-use super::state::State;
+use super::state::CameraState;
 use crate::blocks::BLOCK;
 
 /// Number of observations at which a piece is full.
@@ -9,7 +9,7 @@ const PIECE: usize = 512;
 /// Observations of one point that are used.
 struct Track {
     point: u32,
-    sightings: Vec<Sighting>,
+    observations: Vec<Observation>,
 }
 
 /// Sorts a bundle into pieces and numbers its unknowns.
@@ -20,34 +20,34 @@ struct Track {
 pub(super) fn arrange(
     bundle: &Bundle,
     options: &BundleOptions,
-    state: &State,
-) -> (Layout, Vec<Piece>) {
+    state: &CameraState,
+) -> (Layout, Vec<PointBlock>) {
     let tracks = tracks(bundle, options, state);
     let mut layout = number(bundle, options, state, &tracks);
-    let mut pieces: Vec<Piece> = Vec::new();
+    let mut point_blocks: Vec<PointBlock> = Vec::new();
     for track in tracks {
-        if pieces
+        if point_blocks
             .last()
-            .is_none_or(|piece| piece.sightings.len() >= PIECE)
+            .is_none_or(|point_block| point_block.observations.len() >= PIECE)
         {
-            pieces.push(Piece {
+            point_blocks.push(PointBlock {
                 starts: vec![0],
-                ..Piece::default()
+                ..PointBlock::default()
             });
         }
-        if let Some(piece) = pieces.last_mut() {
-            append(piece, bundle, options, state, &mut layout, track);
+        if let Some(point_block) = point_blocks.last_mut() {
+            append(point_block, bundle, options, state, &mut layout, track);
         }
     }
-    for piece in &mut pieces {
-        piece.tried.clone_from(&piece.points);
-        piece.by_sighting.finish(layout.len());
-        piece.by_point.finish(layout.len());
+    for point_block in &mut point_blocks {
+        point_block.tried.clone_from(&point_block.points);
+        point_block.by_observation.finish(layout.len());
+        point_block.by_point.finish(layout.len());
     }
-    (layout, pieces)
+    (layout, point_blocks)
 }
 
-fn tracks(bundle: &Bundle, options: &BundleOptions, state: &State) -> Vec<Track> {
+fn tracks(bundle: &Bundle, options: &BundleOptions, state: &CameraState) -> Vec<Track> {
     let exists = |image: u32| {
         let camera = bundle
             .images
@@ -75,25 +75,30 @@ fn tracks(bundle: &Bundle, options: &BundleOptions, state: &State) -> Vec<Track>
         options.fixed_points
             || of_point.first().map(key).map(|k| k.1) != of_point.last().map(key).map(|k| k.1)
     };
-    let sighting = |&i: &u32| {
+    let observation = |&i: &u32| {
         let seen = &bundle.observations[i as usize];
-        Sighting {
+        Observation {
             image: seen.image,
             at_px: seen.at_px,
         }
     };
     let track = |of_point: &[u32]| Track {
         point: key(&of_point[0]).0,
-        sightings: of_point.iter().map(sighting).collect(),
+        observations: of_point.iter().map(observation).collect(),
     };
     order.chunk_by(same_point).filter(many).map(track).collect()
 }
 
 /// Assigns a block to each pose and camera that is free and observed.
-fn number(bundle: &Bundle, options: &BundleOptions, state: &State, tracks: &[Track]) -> Layout {
+fn number(
+    bundle: &Bundle,
+    options: &BundleOptions,
+    state: &CameraState,
+    tracks: &[Track],
+) -> Layout {
     let mut observed = vec![false; bundle.images.len()];
-    for sighting in tracks.iter().flat_map(|track| &track.sightings) {
-        observed[sighting.image as usize] = true;
+    for observation in tracks.iter().flat_map(|track| &track.observations) {
+        observed[observation.image as usize] = true;
     }
     let mut layout = Layout {
         fixed_points: options.fixed_points,
@@ -121,45 +126,47 @@ fn number(bundle: &Bundle, options: &BundleOptions, state: &State, tracks: &[Tra
 }
 
 fn append(
-    piece: &mut Piece,
+    point_block: &mut PointBlock,
     bundle: &Bundle,
     options: &BundleOptions,
-    state: &State,
+    state: &CameraState,
     layout: &mut Layout,
     mut track: Track,
 ) {
     let intrinsics =
-        |sighting: &Sighting| layout.intrinsics[state.camera_of(sighting.image)].clone();
+        |observation: &Observation| layout.intrinsics[state.camera_of(observation.image)].clone();
     track
-        .sightings
-        .sort_by_key(|sighting| layout.poses[sighting.image as usize]);
+        .observations
+        .sort_by_key(|observation| layout.poses[observation.image as usize]);
     let mut shared: Vec<usize> = Vec::new();
-    for sighting in &track.sightings {
-        let pose = layout.poses[sighting.image as usize];
-        piece
-            .by_sighting
-            .push(pose.into_iter().chain(intrinsics(sighting)));
-        shared.extend(intrinsics(sighting));
+    for observation in &track.observations {
+        let pose = layout.poses[observation.image as usize];
+        point_block
+            .by_observation
+            .push(pose.into_iter().chain(intrinsics(observation)));
+        shared.extend(intrinsics(observation));
     }
     shared.sort_unstable();
     shared.dedup();
     let poses = track
-        .sightings
+        .observations
         .iter()
-        .filter_map(|sighting| layout.poses[sighting.image as usize]);
+        .filter_map(|observation| layout.poses[observation.image as usize]);
     let blocks: Vec<usize> = poses.chain(shared).collect();
     if let Some(&lowest) = blocks.first() {
         for &block in &blocks {
             layout.first[block] = layout.first[block].min(lowest);
         }
     }
-    piece.by_point.push(if options.fixed_points {
+    point_block.by_point.push(if options.fixed_points {
         Vec::new()
     } else {
         blocks
     });
-    piece.ids.push(track.point);
-    piece.points.push(bundle.points[track.point as usize]);
-    piece.sightings.extend(track.sightings);
-    piece.starts.push(piece.sightings.len() as u32);
+    point_block.ids.push(track.point);
+    point_block.points.push(bundle.points[track.point as usize]);
+    point_block.observations.extend(track.observations);
+    point_block
+        .starts
+        .push(point_block.observations.len() as u32);
 }

@@ -26,14 +26,14 @@ impl Layout {
 
 /// One observation, grouped by point.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Sighting {
+pub(super) struct Observation {
     pub image: u32,
     pub at_px: DVec2,
 }
 
 /// A few hundred points with all their observations: the unit of work of one thread.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Piece {
+pub(super) struct PointBlock {
     /// Indices of the points in the bundle.
     pub ids: Vec<u32>,
     /// Positions of the points.
@@ -42,19 +42,19 @@ pub(super) struct Piece {
     pub tried: Vec<DVec3>,
     /// Observations of point `p` are `starts[p]..starts[p + 1]`, by the block of their image.
     pub starts: Vec<u32>,
-    pub sightings: Vec<Sighting>,
+    pub observations: Vec<Observation>,
     /// One group per observation.
-    pub by_sighting: Groups,
+    pub by_observation: Groups,
     /// One group per point: its poses in the order of its observations, then intrinsics.
     ///
     /// Empty if points are fixed.
     pub by_point: Groups,
 }
 
-impl Piece {
+impl PointBlock {
     /// Returns the range of observations of one point.
     #[inline(always)]
-    pub fn sightings_of(&self, point: usize) -> Range<usize> {
+    pub fn observations_of(&self, point: usize) -> Range<usize> {
         self.starts[point] as usize..self.starts[point + 1] as usize
     }
 }

@@ -30,7 +30,7 @@ pub(super) struct Lens {
 }
 
 /// Projection of a point, with derivatives by the point in camera space.
-pub(super) struct Seen {
+pub(super) struct ProjectedPoint {
     pub at_px: DVec2,
     /// Derivatives of the pixel's x and y.
     pub by_point: [DVec3; 2],
@@ -92,7 +92,7 @@ impl Lens {
 
     /// Same as [`Self::project`], with derivatives.
     #[inline(always)]
-    pub fn see(&self, x: DVec3) -> Option<Seen> {
+    pub fn see(&self, x: DVec3) -> Option<ProjectedPoint> {
         let plane = self.at_plane(x)?;
         let (q, by_plane) = if self.fisheye {
             draw_in_jacobian(plane)
@@ -108,19 +108,21 @@ impl Lens {
             row(self.focal.x * jacobian.row(0)),
             row(self.focal.y * jacobian.row(1)),
         ];
-        (at_px.is_finite() && by_point[0].is_finite() && by_point[1].is_finite()).then_some(Seen {
-            at_px,
-            by_point,
-            q,
-            distorted,
-        })
+        (at_px.is_finite() && by_point[0].is_finite() && by_point[1].is_finite()).then_some(
+            ProjectedPoint {
+                at_px,
+                by_point,
+                q,
+                distorted,
+            },
+        )
     }
 
     /// Returns the derivatives of the pixel's x and y by each refined intrinsic.
     ///
     /// The order is focal factor, principal point, coefficients.
     #[inline(always)]
-    pub fn by_intrinsics(&self, seen: &Seen, out: &mut [DVec2; INTRINSICS]) {
+    pub fn by_intrinsics(&self, seen: &ProjectedPoint, out: &mut [DVec2; INTRINSICS]) {
         let mut next = 0;
         let mut push = |value: DVec2| {
             out[next] = value;

@@ -1,8 +1,8 @@
 use glam::{DVec2, DVec3};
 use pulp::{Simd, WithSimd};
 
-use super::layout::{Factors, Layout, Piece};
-use super::state::State;
+use super::layout::{Factors, Layout, PointBlock};
+use super::state::CameraState;
 use crate::blocks::Column;
 
 /// Derivatives of one piece's observations, ready to be added to the reduced matrix.
@@ -11,7 +11,7 @@ use crate::blocks::Column;
 #[derive(Debug, Clone, Default)]
 pub(super) struct Derivatives {
     /// Derivatives by poses and intrinsics; residuals on the right-hand side.
-    pub by_sighting: Factors<2>,
+    pub by_observation: Factors<2>,
     /// `W L⁻ᵀ` with `L Lᵀ` the points' own block: subtracted when the points are eliminated.
     pub by_point: Factors<3>,
     /// Derivatives of the observations of one point.
@@ -20,9 +20,9 @@ pub(super) struct Derivatives {
 
 /// Computes the derivatives of all observations of a piece.
 pub(super) struct Linearise<'a> {
-    pub piece: &'a Piece,
+    pub point_block: &'a PointBlock,
     pub layout: &'a Layout,
-    pub state: &'a State,
+    pub state: &'a CameraState,
     pub damping: f64,
     pub out: &'a mut Derivatives,
 }
@@ -33,18 +33,18 @@ impl WithSimd for Linearise<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let Self {
-            piece,
+            point_block,
             layout,
             state,
             damping,
             out,
         } = self;
-        out.by_sighting.resize(&piece.by_sighting);
-        out.by_point.resize(&piece.by_point);
-        for point in 0..piece.points.len() {
-            let terms = observations(piece, point, layout, state, out);
+        out.by_observation.resize(&point_block.by_observation);
+        out.by_point.resize(&point_block.by_point);
+        for point in 0..point_block.points.len() {
+            let terms = observations(point_block, point, layout, state, out);
             if !layout.fixed_points {
-                eliminate(piece, point, layout, terms.factor(damping), out);
+                eliminate(point_block, point, layout, terms.factor(damping), out);
             }
         }
     }
@@ -53,26 +53,27 @@ impl WithSimd for Linearise<'_> {
 /// Computes the derivatives of a point's observations.
 #[inline(always)]
 fn observations(
-    piece: &Piece,
+    point_block: &PointBlock,
     point: usize,
     layout: &Layout,
-    state: &State,
+    state: &CameraState,
     out: &mut Derivatives,
 ) -> PointTerms {
     let mut terms = PointTerms::default();
     out.rows.clear();
-    for at in piece.sightings_of(point) {
-        let sighting = &piece.sightings[at];
-        let Some(observed) = state.observe(piece.points[point], sighting) else {
+    for at in point_block.observations_of(point) {
+        let observation = &point_block.observations[at];
+        let Some(observed) = state.observe(point_block.points[point], observation) else {
             out.rows.push([DVec3::ZERO; 2]);
-            out.by_sighting.leave_out(&piece.by_sighting, at);
+            out.by_observation
+                .leave_out(&point_block.by_observation, at);
             continue;
         };
         terms.add(&observed.by_point, observed.residual);
         out.rows.push(observed.by_point);
-        out.by_sighting.values[at] = observed.residual.to_array();
-        let columns = &mut out.by_sighting.columns[piece.by_sighting.entries(at)];
-        let poses = usize::from(layout.poses[sighting.image as usize].is_some());
+        out.by_observation.values[at] = observed.residual.to_array();
+        let columns = &mut out.by_observation.columns[point_block.by_observation.entries(at)];
+        let poses = usize::from(layout.poses[observation.image as usize].is_some());
         let (pose, intrinsics) = columns.split_at_mut(poses);
         if let [pose] = pose {
             *pose = observed.by_pose();
@@ -89,42 +90,42 @@ fn observations(
 /// If its observations do not determine the point, they are ignored.
 #[inline(always)]
 fn eliminate(
-    piece: &Piece,
+    point_block: &PointBlock,
     point: usize,
     layout: &Layout,
     factor: Option<PointFactor>,
     out: &mut Derivatives,
 ) {
-    let entries = piece.by_point.entries(point);
-    let (by_sighting, by_point) = (&mut out.by_sighting, &mut out.by_point);
-    by_point.leave_out(&piece.by_point, point);
+    let entries = point_block.by_point.entries(point);
+    let (by_observation, by_point) = (&mut out.by_observation, &mut out.by_point);
+    by_point.leave_out(&point_block.by_point, point);
     let mut next = entries.start;
     let mut value = DVec3::ZERO;
-    for (at, rows) in piece.sightings_of(point).zip(&out.rows) {
-        let own = piece.by_sighting.entries(at);
+    for (at, rows) in point_block.observations_of(point).zip(&out.rows) {
+        let own = point_block.by_observation.entries(at);
         let Some(factor) = &factor else {
-            by_sighting.leave_out(&piece.by_sighting, at);
+            by_observation.leave_out(&point_block.by_observation, at);
             continue;
         };
         let rows = rows.map(|row| factor.forward(row));
-        let residual = by_sighting.values[at];
+        let residual = by_observation.values[at];
         value += rows[0] * residual[0] + rows[1] * residual[1];
         let mut own = own;
-        if layout.poses[piece.sightings[at].image as usize].is_some() {
-            by_point.columns[next] = through(&by_sighting.columns[own.start], &rows);
+        if layout.poses[point_block.observations[at].image as usize].is_some() {
+            by_point.columns[next] = through(&by_observation.columns[own.start], &rows);
             next += 1;
             own.start += 1;
         }
         for entry in own {
-            let block = piece.by_sighting.blocks[entry];
+            let block = point_block.by_observation.blocks[entry];
             let Some(shared) = entries
                 .clone()
                 .rev()
-                .find(|&e| piece.by_point.blocks[e] == block)
+                .find(|&e| point_block.by_point.blocks[e] == block)
             else {
                 continue;
             };
-            let more = through(&by_sighting.columns[entry], &rows);
+            let more = through(&by_observation.columns[entry], &rows);
             for (column, more) in by_point.columns[shared]
                 .as_flattened_mut()
                 .iter_mut()

@@ -1,9 +1,9 @@
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use super::layout::{Factors, Groups, Layout, Piece};
+use super::layout::{Factors, Groups, Layout, PointBlock};
 use super::linearise::{Derivatives, Linearise};
-use super::state::State;
+use super::state::CameraState;
 use crate::blocks::{BLOCK, Column, Row, Skyline, solve, subtract_products};
 
 /// Number of pieces whose derivatives are held at once.
@@ -37,25 +37,34 @@ impl Normal {
     ///
     /// Each row of blocks is summed by one thread in the order of the pieces, so that the result
     /// does not depend on the number of threads.
-    pub fn build(&mut self, pieces: &[Piece], layout: &Layout, state: &State, damping: f64) {
+    pub fn build(
+        &mut self,
+        point_blocks: &[PointBlock],
+        layout: &Layout,
+        state: &CameraState,
+        damping: f64,
+    ) {
         for row in &mut self.matrix.rows {
             row.blocks.fill([[0.0; BLOCK]; BLOCK]);
         }
         self.right.fill([0.0; BLOCK]);
         self.curvature.fill([0.0; BLOCK]);
         let arch = Arch::new();
-        for pieces in pieces.chunks(WAVE) {
-            let wave = &mut self.wave[..pieces.len()];
-            let fill = |(piece, out)| {
+        for point_blocks in point_blocks.chunks(WAVE) {
+            let wave = &mut self.wave[..point_blocks.len()];
+            let fill = |(point_block, out)| {
                 arch.dispatch(Linearise {
-                    piece,
+                    point_block,
                     layout,
                     state,
                     damping,
                     out,
                 });
             };
-            pieces.par_iter().zip(wave.par_iter_mut()).for_each(fill);
+            point_blocks
+                .par_iter()
+                .zip(wave.par_iter_mut())
+                .for_each(fill);
             let rows = self
                 .matrix
                 .rows
@@ -65,8 +74,9 @@ impl Normal {
                 .enumerate();
             let wave = &*wave;
             rows.for_each(|(block, ((row, right), curvature))| {
-                for (piece, derivatives) in pieces.iter().zip(wave) {
-                    let (groups, factors) = (&piece.by_sighting, &derivatives.by_sighting);
+                for (point_block, derivatives) in point_blocks.iter().zip(wave) {
+                    let (groups, factors) =
+                        (&point_block.by_observation, &derivatives.by_observation);
                     arch.dispatch(Add {
                         block,
                         curvature: Some(curvature),
@@ -75,7 +85,7 @@ impl Normal {
                         groups,
                         factors,
                     });
-                    let (groups, factors) = (&piece.by_point, &derivatives.by_point);
+                    let (groups, factors) = (&point_block.by_point, &derivatives.by_point);
                     arch.dispatch(Add {
                         block,
                         curvature: None,

@@ -1,24 +1,24 @@
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
-use super::layout::{Layout, Sighting};
-use super::lens::{INTRINSICS, Lens, Seen};
+use super::layout::{Layout, Observation};
+use super::lens::{INTRINSICS, Lens, ProjectedPoint};
 use super::problem::{Bundle, BundleOptions, Loss, Refine};
 use crate::blocks::{BLOCK, Column};
 use crate::{Camera, Pose};
 
 /// Cameras and poses during the adjustment; the points are stored in the pieces.
 #[derive(Debug, Clone)]
-pub(super) struct State {
+pub(super) struct CameraState {
     pub cameras: Vec<Camera>,
     pub poses: Vec<Pose>,
     lenses: Vec<Lens>,
-    views: Vec<View>,
+    views: Vec<PreparedPose>,
     loss: Loss,
 }
 
 /// One image's pose, prepared for many points.
 #[derive(Debug, Clone, Copy)]
-struct View {
+struct PreparedPose {
     rotation: DMat3,
     translation: DVec3,
     camera: usize,
@@ -36,7 +36,7 @@ pub(super) struct Observed<'a> {
     pub by_point: [DVec3; 2],
     /// Square root of the weight.
     weight: f64,
-    seen: Seen,
+    seen: ProjectedPoint,
     lens: &'a Lens,
 }
 
@@ -70,7 +70,7 @@ impl Observed<'_> {
     }
 }
 
-impl State {
+impl CameraState {
     pub fn new(bundle: &Bundle, options: &BundleOptions) -> Self {
         let refine = |camera: usize| {
             options
@@ -147,27 +147,27 @@ impl State {
     /// An observation behind its camera costs as much as an error of the image's diagonal, so that
     /// no step gains by moving it there.
     #[inline(always)]
-    pub fn cost(&self, point: DVec3, sighting: &Sighting) -> f64 {
-        let view = &self.views[sighting.image as usize];
+    pub fn cost(&self, point: DVec3, observation: &Observation) -> f64 {
+        let view = &self.views[observation.image as usize];
         let at_px = self.lenses[view.camera].project(view.rotation * point + view.translation);
         let squared = at_px.map_or_else(
             || {
                 let camera = &self.cameras[view.camera];
                 DVec2::new(f64::from(camera.width), f64::from(camera.height)).length_squared()
             },
-            |at_px| at_px.distance_squared(sighting.at_px),
+            |at_px| at_px.distance_squared(observation.at_px),
         );
         self.loss.cost(squared)
     }
 
     /// Returns one observation with its derivatives; `None` if the point is not visible.
     #[inline(always)]
-    pub fn observe(&self, point: DVec3, sighting: &Sighting) -> Option<Observed<'_>> {
-        let view = &self.views[sighting.image as usize];
+    pub fn observe(&self, point: DVec3, observation: &Observation) -> Option<Observed<'_>> {
+        let view = &self.views[observation.image as usize];
         let lens = &self.lenses[view.camera];
         let x = view.rotation * point + view.translation;
         let seen = lens.see(x)?;
-        let residual = seen.at_px - sighting.at_px;
+        let residual = seen.at_px - observation.at_px;
         let weight = self.loss.weight(residual.length_squared()).sqrt();
         let by_x = seen.by_point.map(|d| weight * d);
         let by_point = by_x.map(|d| {
@@ -189,8 +189,8 @@ impl State {
     }
 }
 
-fn view(pose: &Pose, camera: usize) -> View {
-    View {
+fn view(pose: &Pose, camera: usize) -> PreparedPose {
+    PreparedPose {
         rotation: DMat3::from_quat(pose.rotation),
         translation: pose.translation,
         camera,

@@ -30,11 +30,11 @@ fn seen<'a>(
     x: DVec3,
     random: &mut Pcg64Mcg,
     noise_px: f64,
-) -> Vec<Sighting<'a>> {
+) -> Vec<RayObservation<'a>> {
     let one = |pose: &'a Pose| {
         let mut off = || random.random_range(-1.0..1.0) * noise_px;
         let at_px = CAMERA.project(pose.transform(x)).unwrap() + DVec2::new(off(), off());
-        Sighting {
+        RayObservation {
             camera: &CAMERA,
             camera_from_world: pose,
             at_px,
@@ -44,7 +44,7 @@ fn seen<'a>(
     poses.iter().map(one).collect()
 }
 
-fn moved(view: &mut Sighting, by_px: DVec2) {
+fn moved(view: &mut RayObservation, by_px: DVec2) {
     view.at_px += by_px;
     view.at_plane = view.camera.unproject(view.at_px);
 }

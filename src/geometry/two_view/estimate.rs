@@ -179,7 +179,7 @@ impl Search<'_> {
         } else {
             TwoViewKind::Calibrated
         };
-        Some(self.told(
+        Some(self.reported(
             kind,
             &essential.inliers,
             Some(essential.model),
@@ -222,7 +222,7 @@ impl Search<'_> {
             Some(any) if !flat => (TwoViewKind::Uncalibrated, Some(any.model)),
             _ => (TwoViewKind::Planar, essential),
         };
-        Some(self.told(kind, agreed, fundamental, essential))
+        Some(self.reported(kind, agreed, fundamental, essential))
     }
 
     fn seek<E: Estimator>(
@@ -319,10 +319,10 @@ impl Search<'_> {
     }
 
     fn panoramic(&self, places: &[u32]) -> TwoView {
-        self.told(TwoViewKind::Panoramic, places, None, None)
+        self.reported(TwoViewKind::Panoramic, places, None, None)
     }
 
-    fn told(
+    fn reported(
         &self,
         kind: TwoViewKind,
         places: &[u32],

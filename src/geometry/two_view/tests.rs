@@ -18,7 +18,7 @@ fn random(seed: u64) -> Pcg64Mcg {
     Pcg64Mcg::seed_from_u64(seed)
 }
 
-fn in_picture(random: &mut Pcg64Mcg) -> DVec2 {
+fn in_image(random: &mut Pcg64Mcg) -> DVec2 {
     DVec2::new(
         random.random_range(0.0..1600.0),
         random.random_range(0.0..1200.0),
@@ -63,7 +63,7 @@ fn made(
     };
     let mut left = [good, bad];
     while left != [0, 0] {
-        let at = in_picture(random);
+        let at = in_image(random);
         if random.random_range(0..left[0] + left[1]) < left[0] {
             let ray = cameras[0].unproject(at);
             let x = ray.extend(1.0) * depth(random.random(), ray);
@@ -78,7 +78,7 @@ fn made(
             made.good.push(true);
             left[0] -= 1;
         } else {
-            made.matches.push([at, in_picture(random)]);
+            made.matches.push([at, in_image(random)]);
             made.good.push(false);
             left[1] -= 1;
         }

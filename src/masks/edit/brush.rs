@@ -95,11 +95,11 @@ fn band_at(a: DVec2, b: DVec2, radius: f64, y: f64) -> Option<(f64, f64)> {
     let off = y - a.y;
     // With u = x − a.x, the position along the segment is along.x·u + along.y·off, in 0..length.
     // The distance from its line is along.y·u − along.x·off.
-    let beside_ends = between(along.x, along.y * off, 0.0, length)?;
-    let beside_line = between(along.y, -along.x * off, -radius, radius)?;
+    let adjacent_to_ends = between(along.x, along.y * off, 0.0, length)?;
+    let adjacent_to_line = between(along.y, -along.x * off, -radius, radius)?;
     let (left, right) = (
-        beside_ends.0.max(beside_line.0),
-        beside_ends.1.min(beside_line.1),
+        adjacent_to_ends.0.max(adjacent_to_line.0),
+        adjacent_to_ends.1.min(adjacent_to_line.1),
     );
     (left <= right).then_some((a.x + left, a.x + right))
 }

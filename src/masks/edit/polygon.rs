@@ -124,7 +124,7 @@ pub(super) fn check_points(points: &[DVec2]) -> Result<(), MaskError> {
         return Ok(());
     }
     Err(MaskError::Request(
-        "a point of the drawing is not a number; draw it anew".into(),
+        "a point of the drawing is not a number; draw it again".into(),
     ))
 }
 

@@ -52,8 +52,8 @@ pub fn snapped_stroke(
     let whole = stroke(image.width, image.height, points_px, radius_px)?;
     let core = stroke(image.width, image.height, points_px, radius_px * CORE_SHARE)?;
     let band = Band::new(image, &whole, &core);
-    let looks = Looks::new(image, points_px, radius_px * CORE_SHARE);
-    let mut kept = band.cut(&looks);
+    let appearance = Appearance::new(image, points_px, radius_px * CORE_SHARE);
+    let mut kept = band.cut(&appearance);
     keep_touching(&mut kept, &core);
     Ok(kept)
 }
@@ -110,7 +110,7 @@ impl<'a> Band<'a> {
         steps
     }
 
-    fn cut(&self, looks: &Looks) -> Region {
+    fn cut(&self, appearance: &Appearance) -> Region {
         let steps = self.steps();
         let scale = difference_scale(&steps);
         let terminal = self.places.iter().zip(&self.colors).map(|(&at, &color)| {
@@ -121,7 +121,7 @@ impl<'a> Band<'a> {
                 f64::from(at % self.image.width) + 0.5,
                 f64::from(at / self.image.width) + 0.5,
             );
-            let (off, half) = (looks.difference(center, color).powi(2), scale * scale);
+            let (off, half) = (appearance.difference(center, color).powi(2), scale * scale);
             ((half - off) / (half + off) * UNITS) as i32
         });
         let link = |&(from, to, step): &(u32, u32, f32)| {
@@ -158,11 +158,11 @@ fn difference_scale(steps: &[(u32, u32, f32)]) -> f32 {
 }
 
 /// Appearance of the core along the stroke.
-struct Looks {
+struct Appearance {
     places: Vec<(DVec2, Vec<Vec3>)>,
 }
 
-impl Looks {
+impl Appearance {
     /// Samples the core's colours on a grid around points along the stroke.
     fn new(image: &Image, points_px: &[DVec2], core_px: f64) -> Self {
         let place = |at: DVec2| (at, colors_around(image, at, core_px));

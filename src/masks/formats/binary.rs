@@ -1,13 +1,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::adopt::{Adoption, Newcomer};
 use super::files::{
     FoundFile, Skipped, in_parallel, invalid, list_files, unless_stopped, write_whole,
 };
 use super::frame_matching::{
     Export, Imported, MaskFrame, NameIndex, nothing_fits, unmatched_warning,
 };
+use super::label_import::{LabelImport, Newcomer};
 use super::labels_json::{listed_labels, write_labels_json};
 use super::layers::{Stacked, contested_warning, stacked};
 use super::png_decode::Stored;
@@ -28,13 +28,13 @@ pub(super) fn import(
 ) -> Result<Imported, MaskError> {
     let folders = label_folders(dir)?;
     let index = NameIndex::new(frames.iter().map(|frame| frame.name));
-    let mut adoption = Adoption::new(tree, highest_number(folders.keys()));
+    let mut label_import = LabelImport::new(tree, highest_number(folders.keys()));
     let listed = listed_labels(dir)?;
-    let names = adopted_folders(&mut adoption, listed.tree.as_ref())?;
+    let names = imported_folders(&mut label_import, listed.tree.as_ref())?;
     let mut unmatched = Vec::new();
     let mut files: Vec<LabelFile<'_>> = Vec::new();
     for (folder, found) in &folders {
-        let label = folder_label(folder, &names, &mut adoption)?;
+        let label = folder_label(folder, &names, &mut label_import)?;
         let matched = index.match_files(&dir.join(folder), found)?;
         unmatched.extend(matched.unmatched.iter().map(|file| file.stem.as_str()));
         files.extend(matched.pairs.into_iter().map(|(frame, file)| LabelFile {
@@ -55,7 +55,7 @@ pub(super) fn import(
     let objects = read_files(&files, frames, &mut skipped, progress)?;
     let jobs: Vec<(usize, Vec<(LabelId, Object)>)> = objects.into_iter().collect();
     let read = in_parallel(&jobs, progress, |(frame, objects)| {
-        frame_mask(&frames[*frame], objects, adoption.tree())
+        frame_mask(&frames[*frame], objects, label_import.tree())
     })?;
     let contested = read.iter().map(|one| one.contested).sum();
     let masks = jobs
@@ -74,7 +74,7 @@ pub(super) fn import(
         .collect();
     Ok(Imported {
         masks,
-        new_labels: adoption.into_added(),
+        new_labels: label_import.into_added(),
         warnings,
     })
 }
@@ -126,16 +126,16 @@ fn label_folders(dir: &Path) -> Result<BTreeMap<String, Vec<FoundFile>>, MaskErr
 }
 
 /// Returns the labels of folder names, from `labels.json` and the project.
-fn adopted_folders(
-    adoption: &mut Adoption,
+fn imported_folders(
+    label_import: &mut LabelImport,
     listed: Option<&LabelTree>,
 ) -> Result<BTreeMap<String, LabelId>, MaskError> {
-    let mut names: BTreeMap<String, LabelId> = folder_names(adoption.tree())
+    let mut names: BTreeMap<String, LabelId> = folder_names(label_import.tree())
         .into_iter()
         .map(|(id, name)| (name, id))
         .collect();
     if let Some(listed) = listed {
-        let ids = adoption.tree_of(listed)?;
+        let ids = label_import.tree_of(listed)?;
         names.extend(
             folder_names(listed)
                 .into_iter()
@@ -148,14 +148,14 @@ fn adopted_folders(
 fn folder_label(
     folder: &str,
     names: &BTreeMap<String, LabelId>,
-    adoption: &mut Adoption,
+    label_import: &mut LabelImport,
 ) -> Result<LabelId, MaskError> {
     if let Some(&known) = names.get(folder) {
         return Ok(known);
     }
     match folder.parse() {
-        Ok(number) if number > 0 => adoption.number(LabelId(number)),
-        _ => adoption.named(&Newcomer {
+        Ok(number) if number > 0 => label_import.number(LabelId(number)),
+        _ => label_import.named(&Newcomer {
             name: folder,
             id: None,
             parent: None,

@@ -1,8 +1,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use super::adopt::Adoption;
-use super::coco_categories::{CategoryLabels, adopt_categories};
+use super::coco_categories::{CategoryLabels, import_categories};
 use super::coco_draw::{Drawn, frame_mask, outline_of};
 use super::coco_json::{
     Annotation, Category, Counts, Dataset, Entry, Id, ImageEntry, Segmentation,
@@ -13,6 +12,7 @@ use super::files::{
 use super::frame_matching::{
     Export, Imported, MaskFrame, NameIndex, nothing_fits, unmatched_warning,
 };
+use super::label_import::LabelImport;
 use super::layers::contested_warning;
 use super::png_decode::size_fault;
 use super::{coco_json, rle};
@@ -47,7 +47,7 @@ pub(super) fn import(
         frames: annotations,
         without_outline,
     } = drawn_by_frame(&dataset, &images, &mut skipped);
-    let mut adoption = Adoption::new(tree, LabelId::NONE);
+    let mut label_import = LabelImport::new(tree, LabelId::NONE);
     let used = annotations
         .values()
         .flatten()
@@ -58,11 +58,18 @@ pub(super) fn import(
         "categories without id or name were left out",
         &mut skipped,
     );
-    let CategoryLabels { labels, warnings } = adopt_categories(&categories, &used, &mut adoption)
-        .map_err(|error| invalid(&path, error.to_string()))?;
+    let CategoryLabels { labels, warnings } =
+        import_categories(&categories, &used, &mut label_import)
+            .map_err(|error| invalid(&path, error.to_string()))?;
     let jobs: Vec<(usize, Vec<Drawn<'_>>)> = annotations.into_iter().collect();
     let read = in_parallel(&jobs, progress, |(frame, drawn)| {
-        frame_mask(&frames[*frame], drawn, &labels, adoption.tree(), progress)
+        frame_mask(
+            &frames[*frame],
+            drawn,
+            &labels,
+            label_import.tree(),
+            progress,
+        )
     })?;
     let mut masks = BTreeMap::new();
     let mut contested = 0;
@@ -103,7 +110,7 @@ pub(super) fn import(
         .collect();
     Ok(Imported {
         masks,
-        new_labels: adoption.into_added(),
+        new_labels: label_import.into_added(),
         warnings,
     })
 }
@@ -388,11 +395,11 @@ fn categories(export: &Export<'_>) -> Result<Vec<Category>, MaskError> {
         ),
         color: Some(label.color),
     };
-    let mut adoption = Adoption::new(export.tree, LabelId::NONE);
+    let mut label_import = LabelImport::new(export.tree, LabelId::NONE);
     for id in super::grey_kinds::ids_in(export.masks.iter().map(|(_, mask)| *mask)) {
-        adoption.number(id)?;
+        label_import.number(id)?;
     }
-    Ok(adoption.tree().iter().map(category).collect())
+    Ok(label_import.tree().iter().map(category).collect())
 }
 
 fn image_id(frame: usize) -> Id {

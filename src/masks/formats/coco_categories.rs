@@ -2,8 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::adopt::{Adoption, Newcomer};
 use super::coco_json::{Category, Id};
+use super::label_import::{LabelImport, Newcomer};
 use crate::{LabelId, MAX_DEPTH, MaskError};
 
 /// Labels of a file's categories.
@@ -24,10 +24,10 @@ struct Categories<'c>(BTreeMap<&'c str, Vec<&'c Category>>);
 ///
 /// # Errors
 /// [`MaskError::Label`] when two different categories share an id, or no label id is free.
-pub(super) fn adopt_categories<'c>(
+pub(super) fn import_categories<'c>(
     categories: &[&'c Category],
     used: &BTreeSet<&Id>,
-    adoption: &mut Adoption,
+    label_import: &mut LabelImport,
 ) -> Result<CategoryLabels<'c>, MaskError> {
     let mut by_id: BTreeMap<&Id, &Category> = BTreeMap::new();
     let mut by_name = Categories(BTreeMap::new());
@@ -55,14 +55,15 @@ pub(super) fn adopt_categories<'c>(
         .iter()
         .filter(|category| used.contains(&category.id))
     {
-        let label = by_name.adopt(category, &mut Vec::new(), adoption, &mut found.warnings)?;
+        let label =
+            by_name.label_import(category, &mut Vec::new(), label_import, &mut found.warnings)?;
         found.labels.insert(&category.id, label);
     }
     let labels = &found.labels;
     let of_one_name = by_name.0.values().filter(|twins| twins.len() > 1);
     found
         .warnings
-        .extend(of_one_name.filter_map(|twins| describe_twins(twins, labels, adoption)));
+        .extend(of_one_name.filter_map(|twins| describe_twins(twins, labels, label_import)));
     Ok(found)
 }
 
@@ -70,11 +71,11 @@ impl<'c> Categories<'c> {
     /// Returns the label of a category, adding it and its ancestors where needed.
     ///
     /// `below` holds the names of the categories below this one, to end cycles.
-    fn adopt(
+    fn label_import(
         &self,
         category: &'c Category,
         below: &mut Vec<&'c str>,
-        adoption: &mut Adoption,
+        label_import: &mut LabelImport,
         warnings: &mut Vec<String>,
     ) -> Result<LabelId, MaskError> {
         below.push(&category.name);
@@ -83,8 +84,8 @@ impl<'c> Categories<'c> {
             above(category).filter(|above| !below.contains(above) && below.len() < MAX_DEPTH)
         {
             parent = Some(match self.0.get(above).and_then(|listed| listed.first()) {
-                Some(listed) => self.adopt(listed, below, adoption, warnings)?,
-                None => adoption.named(&Newcomer {
+                Some(listed) => self.label_import(listed, below, label_import, warnings)?,
+                None => label_import.named(&Newcomer {
                     name: &one_line(above),
                     id: None,
                     parent: None,
@@ -93,7 +94,7 @@ impl<'c> Categories<'c> {
             });
         }
         let plain = one_line(&category.name);
-        let known = adoption
+        let known = label_import
             .tree()
             .by_name(&plain)
             .map(|known| (known.id, known.parent));
@@ -106,7 +107,7 @@ impl<'c> Categories<'c> {
             }
             Some((id, _)) => {
                 if let Some(above) = above(category).filter(|_| parent.is_some()) {
-                    let path = adoption.tree().name_path(id);
+                    let path = label_import.tree().name_path(id);
                     warnings.push(format!(
                         "the category '{plain}' under '{above}' was taken as the label '{path}'"
                     ));
@@ -116,7 +117,7 @@ impl<'c> Categories<'c> {
             None => match qualified(&plain, category) {
                 qualified
                     if self.is_ambiguous(category)
-                        && adoption.tree().by_name(&qualified).is_some() =>
+                        && label_import.tree().by_name(&qualified).is_some() =>
                 {
                     qualified
                 }
@@ -124,7 +125,7 @@ impl<'c> Categories<'c> {
             },
         };
         let id = category.id.number().map(LabelId);
-        adoption.named(&Newcomer {
+        label_import.named(&Newcomer {
             name: &name,
             id,
             parent,
@@ -161,7 +162,7 @@ fn one_line(name: &str) -> String {
 fn describe_twins(
     twins: &[&Category],
     labels: &BTreeMap<&Id, LabelId>,
-    adoption: &Adoption,
+    label_import: &LabelImport,
 ) -> Option<String> {
     let used: Vec<LabelId> = twins
         .iter()
@@ -174,7 +175,7 @@ fn describe_twins(
     let paths: Vec<String> = different
         .iter()
         .take(10)
-        .map(|&id| format!("'{}'", adoption.tree().name_path(id)))
+        .map(|&id| format!("'{}'", label_import.tree().name_path(id)))
         .collect();
     let (count, name, paths) = (used.len(), &twins[0].name, paths.join(", "));
     Some(match different.len() {

@@ -4,7 +4,6 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::adopt::Adoption;
 use super::files::{
     FoundFile, Skipped, in_parallel, invalid, list_files, unless_stopped, write_whole,
 };
@@ -15,6 +14,7 @@ use super::grey_kinds::{
     EdgeStatistics, White, covers_most, ids_in, is_black_and_white, may_be_soft, may_be_soft_edges,
     meaning_of_white, white_as_one,
 };
+use super::label_import::LabelImport;
 use super::labels_json::{Listed, ids_of_colors, listed_labels, write_labels_json};
 use super::png_decode::Stored;
 use super::png_values::{HowRead, PngValues, encode_png, reconcile_cut_outs};
@@ -99,8 +99,10 @@ pub(super) fn import(
         tree,
     };
     let masks = understood(dir, masks, &read.ids, &known, &mut warnings)?;
-    let Labelled { masks, adoption } =
-        with_labels(&masks, listed.tree.as_ref(), tree, &mut warnings)?;
+    let Labelled {
+        masks,
+        label_import,
+    } = with_labels(&masks, listed.tree.as_ref(), tree, &mut warnings)?;
     let unmatched: Vec<&str> = matched
         .unmatched
         .iter()
@@ -113,7 +115,7 @@ pub(super) fn import(
     );
     Ok(Imported {
         masks: matched_frames.into_iter().zip(masks).collect(),
-        new_labels: adoption.into_added(),
+        new_labels: label_import.into_added(),
         warnings,
     })
 }
@@ -303,7 +305,7 @@ fn named(ids: &[LabelId]) -> String {
 /// Masks with label ids of the project, and the labels added for them.
 struct Labelled {
     masks: Vec<RunMask>,
-    adoption: Adoption,
+    label_import: LabelImport,
 }
 
 /// Replaces the ids of the files by those of the project.
@@ -319,16 +321,18 @@ fn with_labels(
         false => masks.to_vec(),
     };
     found = ids_in(&masks);
-    let mut adoption = Adoption::new(tree, found.last().copied().unwrap_or_default());
-    let mut new_ids =
-        listed.map_or_else(|| Ok(BTreeMap::new()), |listed| adoption.tree_of(listed))?;
+    let mut label_import = LabelImport::new(tree, found.last().copied().unwrap_or_default());
+    let mut new_ids = listed.map_or_else(
+        || Ok(BTreeMap::new()),
+        |listed| label_import.tree_of(listed),
+    )?;
     let mut numbered = Vec::new();
     for id in found {
         if let Entry::Vacant(vacant) = new_ids.entry(id) {
-            if id != LabelId::NONE && (listed.is_some() || adoption.tree().get(id).is_none()) {
+            if id != LabelId::NONE && (listed.is_some() || label_import.tree().get(id).is_none()) {
                 numbered.push(id);
             }
-            vacant.insert(adoption.number(id)?);
+            vacant.insert(label_import.number(id)?);
         }
     }
     let (count, ids) = (numbered.len(), named(&numbered));
@@ -339,14 +343,17 @@ fn with_labels(
     } else if count > MAX_UNREPORTED {
         warnings.push(format!(
             "{count} labels were named after numbers ({ids}), since there is no labels.json; if the values of the masks are \
-             no label ids, undo the import"
+             not label ids, undo the import"
         ));
     }
     let masks = masks
         .iter()
         .map(|mask| mask.map_ids(|id| new_ids.get(&id).copied().unwrap_or(id)))
         .collect();
-    Ok(Labelled { masks, adoption })
+    Ok(Labelled {
+        masks,
+        label_import,
+    })
 }
 
 /// Returns the error for a folder without PNG files, which mentions images of other types.

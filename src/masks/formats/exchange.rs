@@ -118,7 +118,7 @@ pub fn export_masks<M: Borrow<RunMask>>(
             .is_some_and(|frame| (frame.width, frame.height) == (mask.width, mask.height));
         if !fits {
             return Err(MaskError::Request(format!(
-                "the mask of frame {frame} has not the frame's size; make it anew"
+                "the mask of frame {frame} does not have the frame's size; make it again"
             )));
         }
     }

@@ -180,7 +180,7 @@ pub fn file_stems(frames: &[MaskFrame<'_>]) -> Result<Vec<String>, MaskError> {
             .all(|part| !part.is_empty() && part != "." && part != "..");
         let fault = || {
             MaskError::Request(format!(
-                "the frame name '{stem}' is no file name; rename its source"
+                "the frame name '{stem}' cannot be a file name; rename its source"
             ))
         };
         inside.then(|| stem.to_owned()).ok_or_else(fault)

@@ -1,6 +1,5 @@
 //! Import and export of masks, with one file per format and shared parts.
 
-mod adopt;
 mod binary;
 mod coco;
 mod coco_categories;
@@ -11,6 +10,7 @@ mod exchange;
 mod files;
 mod frame_matching;
 mod grey_kinds;
+mod label_import;
 mod labels_json;
 mod layers;
 mod mask_folder;

@@ -72,7 +72,7 @@ pub(super) fn decode(
     let broken = |error: png::DecodingError| {
         invalid(
             path,
-            format!("is not a readable PNG ({error}); save it anew"),
+            format!("is not a readable PNG ({error}); save it again"),
         )
     };
     let limits = Limits {
@@ -93,7 +93,7 @@ pub(super) fn decode(
     let size = size.ok_or_else(|| {
         invalid(
             path,
-            format!("claims {width}×{height} pixels; it is damaged, save it anew"),
+            format!("claims {width}×{height} pixels; it is damaged, save it again"),
         )
     })?;
     let palette = reader

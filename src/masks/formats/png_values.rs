@@ -339,7 +339,7 @@ fn id_of_color(
     match listed {
         Some(listed) => listed.get(&narrow).copied().or((narrow == [0; 3]).then_some(LabelId::NONE)).ok_or_else(|| {
             let [red, green, blue] = narrow;
-            format!("its colour #{red:02x}{green:02x}{blue:02x} is no label's in labels.json; add it there")
+            format!("its colour #{red:02x}{green:02x}{blue:02x} is not the colour of a label in labels.json; add it there")
         }),
         None if color[0] == color[1] && color[1] == color[2] => Ok(LabelId(color[0])),
         None => Err("is a colour image, not a mask; save label ids as grey or palette values, or put a labels.json \

@@ -4,13 +4,13 @@ use std::path::Path;
 
 use glam::DVec2;
 
-use super::adopt::{Adoption, Newcomer};
 use super::files::{
     FoundFile, Skipped, in_parallel, invalid, list_files, read_text, unless_stopped, write_whole,
 };
 use super::frame_matching::{
     Export, Imported, MaskFrame, NameIndex, nothing_fits, unmatched_warning,
 };
+use super::label_import::{LabelImport, Newcomer};
 use super::labels_json::{listed_labels, write_labels_json};
 use super::layers::{Stacked, contested_warning, stacked};
 use super::yolo_names::{ClassNames, find_names, is_names_file, yaml};
@@ -75,15 +75,15 @@ pub(super) fn import(
         .collect();
     let Classes {
         labels,
-        adoption,
+        label_import,
         mut warnings,
-    } = adopted(dir, &folders, classes, tree)?;
+    } = imported(dir, &folders, classes, tree)?;
     let jobs: Vec<(usize, &Vec<Line>)> = files_lines
         .iter()
         .map(|(frame, file)| (*frame, &file.lines))
         .collect();
     let read = in_parallel(&jobs, progress, |(frame, lines)| {
-        frame_mask(&frames[*frame], lines, &labels, adoption.tree())
+        frame_mask(&frames[*frame], lines, &labels, label_import.tree())
     })?;
     let contested = read.iter().map(|one| one.contested).sum();
     let mut masks: BTreeMap<usize, RunMask> = jobs
@@ -123,7 +123,7 @@ pub(super) fn import(
     warnings.extend(skipped.warnings());
     Ok(Imported {
         masks,
-        new_labels: adoption.into_added(),
+        new_labels: label_import.into_added(),
         warnings,
     })
 }
@@ -137,11 +137,11 @@ pub(super) fn export(
     export: &Export<'_>,
     progress: &Progress,
 ) -> Result<(), MaskError> {
-    let mut adoption = Adoption::new(export.tree, LabelId::NONE);
+    let mut label_import = LabelImport::new(export.tree, LabelId::NONE);
     for id in super::grey_kinds::ids_in(export.masks.iter().map(|(_, mask)| *mask)) {
-        adoption.number(id)?;
+        label_import.number(id)?;
     }
-    let tree = adoption.tree();
+    let tree = label_import.tree();
     let classes: BTreeMap<LabelId, usize> = tree.iter().map(|label| label.id).zip(0..).collect();
     let names: Vec<String> = tree.iter().map(|label| label.name.clone()).collect();
     write_labels_json(dir, tree)?;
@@ -159,12 +159,12 @@ pub(super) fn export(
 struct Classes {
     /// Label by class number.
     labels: BTreeMap<usize, LabelId>,
-    adoption: Adoption,
+    label_import: LabelImport,
     warnings: Vec<String>,
 }
 
 /// Finds or adds the label of every used class.
-fn adopted(
+fn imported(
     dir: &Path,
     folders: &BTreeSet<&Path>,
     classes: BTreeSet<usize>,
@@ -176,11 +176,12 @@ fn adopted(
         mut warnings,
     } = find_names(dir, folders)?;
     let highest = classes.last().map_or(0, |&class| class as u64 + 1);
-    let mut adoption = Adoption::new(tree, LabelId(u16::try_from(highest).unwrap_or(u16::MAX)));
+    let mut label_import =
+        LabelImport::new(tree, LabelId(u16::try_from(highest).unwrap_or(u16::MAX)));
     let listed = listed_labels(dir)?;
     warnings.extend(listed.warning);
     if let Some(listed) = &listed.tree {
-        adoption.tree_of(listed)?;
+        label_import.tree_of(listed)?;
     }
     let mut labels = BTreeMap::new();
     let mut unnamed = Vec::new();
@@ -188,7 +189,7 @@ fn adopted(
         let name = names.get(class).filter(|name| !name.is_empty());
         let number = u16::try_from(class + 1).map(LabelId);
         let label = match (name, number) {
-            (Some(name), _) => adoption.named(&Newcomer {
+            (Some(name), _) => label_import.named(&Newcomer {
                 name,
                 id: number.ok(),
                 parent: None,
@@ -196,7 +197,7 @@ fn adopted(
             })?,
             (None, Ok(number)) => {
                 unnamed.push(class);
-                adoption.number(number)?
+                label_import.number(number)?
             }
             (None, Err(_)) => {
                 return Err(invalid(
@@ -210,7 +211,7 @@ fn adopted(
     let as_label = |class: &usize| {
         let name = labels
             .get(class)
-            .map(|&id| adoption.tree().name_path(id))
+            .map(|&id| label_import.tree().name_path(id))
             .unwrap_or_default();
         format!("{class} as '{name}'")
     };
@@ -231,7 +232,7 @@ fn adopted(
     }
     Ok(Classes {
         labels,
-        adoption,
+        label_import,
         warnings,
     })
 }

@@ -42,12 +42,12 @@ pub(super) fn bridges(
     options: &BridgeOptions,
 ) -> Vec<Edge> {
     let step = |a: usize, b: usize| (regions[a].ln_depth - regions[b].ln_depth).abs();
-    let beside_jump = beside_jump(regions, edges, options.jump);
+    let adjacent_to_jump = adjacent_to_jump(regions, edges, options.jump);
     let touching: std::collections::BTreeSet<(u32, u32)> =
         edges.iter().map(|edge| (edge.a, edge.b)).collect();
-    let cells = Cells::new(regions, &beside_jump, width, 4.0 * options.gap_px);
+    let cells = Cells::new(regions, &adjacent_to_jump, width, 4.0 * options.gap_px);
     let mut found = std::collections::BTreeMap::new();
-    for a in (0..regions.len()).filter(|&at| beside_jump[at]) {
+    for a in (0..regions.len()).filter(|&at| adjacent_to_jump[at]) {
         let mut near: Vec<(f32, u32)> = cells
             .around(regions[a].at)
             .filter(|&b| b as usize != a && step(a, b as usize) < options.depth_step)
@@ -75,10 +75,10 @@ pub(super) fn hops(
     width: usize,
     options: &HopOptions,
 ) -> Vec<Vec<u32>> {
-    let beside_jump = beside_jump(regions, edges, options.jump);
-    let cells = Cells::new(regions, &beside_jump, width, options.gap_px);
+    let adjacent_to_jump = adjacent_to_jump(regions, edges, options.jump);
+    let cells = Cells::new(regions, &adjacent_to_jump, width, options.gap_px);
     let to = |a: usize| -> Vec<u32> {
-        if !beside_jump[a] {
+        if !adjacent_to_jump[a] {
             return Vec::new();
         }
         let near = |b: &u32| {
@@ -117,15 +117,15 @@ impl Default for HopOptions {
 }
 
 /// Returns which regions have a neighbour that is much nearer or farther.
-fn beside_jump(regions: &[RegionStats], edges: &[Edge], jump: f32) -> Vec<bool> {
-    let mut beside = vec![false; regions.len()];
+fn adjacent_to_jump(regions: &[RegionStats], edges: &[Edge], jump: f32) -> Vec<bool> {
+    let mut adjacent = vec![false; regions.len()];
     for edge in edges {
         let (a, b) = (edge.a as usize, edge.b as usize);
         if (regions[a].ln_depth - regions[b].ln_depth).abs() > jump {
-            (beside[a], beside[b]) = (true, true);
+            (adjacent[a], adjacent[b]) = (true, true);
         }
     }
-    beside
+    adjacent
 }
 
 fn bridge(regions: &[RegionStats], a: u32, b: u32) -> Edge {

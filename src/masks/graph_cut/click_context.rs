@@ -215,13 +215,13 @@ fn trusted(regions: &[RegionStats], click: Click, seed: u32, apart: &[f32]) -> u
 fn off_depth(graph: &RegionGraph, seed: usize, apart: &[f32]) -> Vec<f32> {
     const ALLOWED: f32 = 0.03;
     const SLANT_PER_PX: f32 = 0.0015;
-    const SURE: f32 = 0.05;
+    const CONFIDENT: f32 = 0.05;
     let clicked = graph.regions[seed].ln_depth;
     let off = |(region, apart): (&RegionStats, &f32)| {
         let step = (region.ln_depth - clicked).abs() - ALLOWED - SLANT_PER_PX * apart;
         // Unknown depths give NaN, which fails the comparison and counts as 0.
         if step > 0.0 {
-            (step / SURE).min(1.0)
+            (step / CONFIDENT).min(1.0)
         } else {
             0.0
         }

@@ -94,7 +94,7 @@ pub fn settled(depth: &DepthMap, image: &Image) -> DepthMap {
         let before = settled;
         let vote = |at: usize| {
             let own = before.depths[at];
-            if !known(own) || !is_beside_jump(&before, at) {
+            if !known(own) || !is_adjacent_to_jump(&before, at) {
                 return own;
             }
             let mut ballot = Ballot::default();
@@ -110,7 +110,7 @@ pub fn settled(depth: &DepthMap, image: &Image) -> DepthMap {
 }
 
 /// Returns whether another surface begins within a few pixels.
-fn is_beside_jump(depth: &DepthMap, at: usize) -> bool {
+fn is_adjacent_to_jump(depth: &DepthMap, at: usize) -> bool {
     let own = depth.depths[at];
     around(depth, at, BESIDE)
         .any(|from| known(depth.depths[from]) && (depth.depths[from] / own - 1.0).abs() > JUMP)
@@ -176,8 +176,8 @@ mod tests {
                 damaged.depths[y * 40 + 18..y * 40 + 26].fill(0.0);
             }
         }
-        let mended = completed(&damaged, &lab);
-        let wrong = mended
+        let repaired = completed(&damaged, &lab);
+        let wrong = repaired
             .depths
             .iter()
             .zip(&truth.depths)

@@ -115,10 +115,10 @@ impl Surfaces {
                     let (mut sum, mut count) = ([0.0f32; 3], 0.0f32);
                     for line in rows.clone() {
                         let start = line * width + columns.start;
-                        for (beside, value) in
+                        for (adjacent, value) in
                             values[start..start + columns.len()].iter().enumerate()
                         {
-                            if self.same(y * width + x, start + beside) {
+                            if self.same(y * width + x, start + adjacent) {
                                 (0..3).for_each(|channel| sum[channel] += value[channel]);
                                 count += 1.0;
                             }

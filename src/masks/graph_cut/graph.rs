@@ -157,12 +157,12 @@ impl RegionGraph {
             let apart = ((a.at[0] - b.at[0]).powi(2) + (a.at[1] - b.at[1]).powi(2)).sqrt();
             // A slope of 0.1 % of the depth per pixel is a slanted surface.
             let step = (a.ln_depth - b.ln_depth).abs() - 0.001 * apart - 0.01;
-            let sure = if seen[edge.a as usize] && seen[edge.b as usize] {
+            let confidence = if seen[edge.a as usize] && seen[edge.b as usize] {
                 0.9
             } else {
                 0.5
             };
-            let extra = (step / 0.03).clamp(0.0, 1.0) * sure;
+            let extra = (step / 0.03).clamp(0.0, 1.0) * confidence;
             if extra.is_finite() {
                 edge.strength = 1.0 - (1.0 - edge.strength) * (1.0 - extra);
             }

@@ -258,14 +258,14 @@ impl Site {
         let [begin, end] = OPTIONS.stays.map(|(depths, units)| depths + units * unit);
         let meant = self.sampled(|apart| apart <= certain);
         let stays = self.sampled(|apart| (begin..end).contains(&apart));
-        let (sure, against) = OPTIONS.thick;
+        let (confidence, against) = OPTIONS.thick;
         let odds = |at: usize| {
             if self.apart[at] <= certain {
                 return CERTAIN;
             }
             let alike = |samples: &[[f32; 3]]| likelihood(self.lab[at], samples) + OPTIONS.rare;
             let by_color = (alike(&meant) / alike(&stays)).ln().clamp(-CLEAR, CLEAR);
-            let too_thick = (self.thick[at] - sure - 0.5 * unit).max(0.0);
+            let too_thick = (self.thick[at] - confidence - 0.5 * unit).max(0.0);
             by_color - OPTIONS.fading * self.apart[at] - against * too_thick
         };
         let of = |at: usize| if self.open[at] { odds(at) } else { -CERTAIN };

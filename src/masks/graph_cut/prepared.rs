@@ -54,11 +54,11 @@ impl PreparedFrame for Prepared {
     }
 
     fn bytes(&self) -> usize {
-        let picture = self
+        let image = self
             .flat
             .as_ref()
             .map_or(0, |image| size_of_val(&*image.pixels));
-        self.raster.bytes() + self.graph.bytes() + self.palette.bytes() + picture
+        self.raster.bytes() + self.graph.bytes() + self.palette.bytes() + image
     }
 }
 
@@ -95,7 +95,7 @@ impl Prepared {
         };
         if let Some(click) = request.prompt.clicks.iter().find(|click| !inside(click)) {
             return Err(MaskError::Request(format!(
-                "the click at {}, {} lies outside the picture of {width}×{height}; click inside it",
+                "the click at {}, {} lies outside the image of {width}×{height}; click inside it",
                 click.at_px.x, click.at_px.y
             )));
         }
@@ -107,7 +107,7 @@ impl Prepared {
         };
         if let Some(part) = request.prompt.boxes.iter().find(|part| !crosses(part)) {
             return Err(MaskError::Request(format!(
-                "the box from {}, {} to {}, {} holds no pixel of the picture of {width}×{height}; draw it inside",
+                "the box from {}, {} to {}, {} holds no pixel of the image of {width}×{height}; draw it inside",
                 part.min_px.x, part.min_px.y, part.max_px.x, part.max_px.y
             )));
         }
@@ -124,7 +124,7 @@ impl Prepared {
             Ok(())
         } else {
             Err(MaskError::Request(format!(
-                "a mask given does not have the picture's size of {width}×{height}"
+                "a mask given does not have the image's size of {width}×{height}"
             )))
         }
     }

@@ -45,14 +45,14 @@ pub(super) fn prepare(
     let (width, height) = (image.width as usize, image.height as usize);
     if width == 0 || height == 0 || image.pixels.len() != width * height {
         return Err(MaskError::Request(format!(
-            "a picture of {width}×{height} cannot be segmented; open another"
+            "an image of {width}×{height} cannot be segmented; open another"
         )));
     }
     if let Some(depth) =
         depth.filter(|depth| (depth.width, depth.height) != (image.width, image.height))
     {
         return Err(MaskError::Request(format!(
-            "the depth map is {}×{}, the picture {width}×{height}; give depth of the picture's size",
+            "the depth map is {}×{}, the image {width}×{height}; give depth of the image's size",
             depth.width, depth.height
         )));
     }

@@ -12,7 +12,7 @@ const WIDTH: u32 = 160;
 const HEIGHT: u32 = 120;
 
 /// Returns a noisy image with a colour chosen per pixel.
-fn picture(width: u32, height: u32, color: impl Fn(u32, u32) -> [u8; 3]) -> Arc<Image> {
+fn image(width: u32, height: u32, color: impl Fn(u32, u32) -> [u8; 3]) -> Arc<Image> {
     let pixel = |at: u32| {
         let noise = (at.wrapping_mul(2_654_435_761) >> 28) as u8;
         color(at % width, at / width).map(|channel| channel.saturating_add(noise))
@@ -28,14 +28,17 @@ fn in_disc(x: u32, y: u32) -> bool {
     (f64::from(x) - 90.0).hypot(f64::from(y) - 60.0) < 30.0
 }
 
-fn disc_picture() -> Arc<Image> {
-    picture(WIDTH, HEIGHT, |x, y| {
-        if in_disc(x, y) {
-            [180, 60, 40]
-        } else {
-            [70, 110, 90]
-        }
-    })
+/// Returns red inside of an object and green outside.
+fn disc_color(is_inside: bool) -> [u8; 3] {
+    if is_inside {
+        [180, 60, 40]
+    } else {
+        [70, 110, 90]
+    }
+}
+
+fn disc_image() -> Arc<Image> {
+    image(WIDTH, HEIGHT, |x, y| disc_color(in_disc(x, y)))
 }
 
 fn prepared(image: &Arc<Image>, depth: Option<DepthMap>) -> Arc<dyn PreparedFrame> {
@@ -84,7 +87,7 @@ fn iou(answer: &Region, truth: impl Fn(u32, u32) -> bool) -> f64 {
 
 #[test]
 fn one_click_selects_a_distinct_object() {
-    let frame = prepared(&disc_picture(), None);
+    let frame = prepared(&disc_image(), None);
     let answer = ask(&*frame, &of_clicks(&[click(90.0, 60.0, true)]), None);
     assert!(
         iou(&answer, in_disc) > 0.95,
@@ -95,7 +98,7 @@ fn one_click_selects_a_distinct_object() {
 
 #[test]
 fn box_selects_the_object_in_it() {
-    let frame = prepared(&disc_picture(), None);
+    let frame = prepared(&disc_image(), None);
     let part = PxBox {
         min_px: DVec2::new(58.0, 28.0),
         max_px: DVec2::new(122.0, 92.0),
@@ -120,7 +123,7 @@ fn click_selects_most_of_a_thin_leaf() {
     let on_leaf = |x: u32, y: u32| {
         (f64::from(x) - 30.0 - 0.5 * f64::from(y)).abs() < 2.5 && (5..115).contains(&y)
     };
-    let image = picture(WIDTH, HEIGHT, |x, y| {
+    let image = image(WIDTH, HEIGHT, |x, y| {
         if on_leaf(x, y) {
             [90, 150, 50]
         } else {
@@ -137,7 +140,7 @@ fn click_selects_most_of_a_thin_leaf() {
 
 #[test]
 fn depth_separates_objects_of_equal_colour() {
-    let image = picture(WIDTH, HEIGHT, |x, y| {
+    let image = image(WIDTH, HEIGHT, |x, y| {
         [80 + ((x / 7 + y / 5) % 3 * 20) as u8, 120, 70]
     });
     let depths = (0..WIDTH * HEIGHT)
@@ -164,7 +167,7 @@ fn depth_separates_objects_of_equal_colour() {
 
 #[test]
 fn taken_pixels_are_excluded() {
-    let image = disc_picture();
+    let image = disc_image();
     let taken = Region {
         width: WIDTH,
         height: HEIGHT,
@@ -188,7 +191,7 @@ fn taken_pixels_are_excluded() {
 #[test]
 fn distant_click_does_not_change_the_previous_answer() {
     let in_second = |x: u32, y: u32| (5..35).contains(&x) && (5..35).contains(&y);
-    let image = picture(WIDTH, HEIGHT, |x, y| {
+    let image = image(WIDTH, HEIGHT, |x, y| {
         match (in_disc(x, y), in_second(x, y)) {
             (true, _) => [180, 60, 40],
             (_, true) => [40, 60, 190],
@@ -259,26 +262,31 @@ fn corrected(
 
 #[test]
 fn click_on_a_given_mask_corrects_only_the_clicked_error() {
-    let frame = prepared(&disc_picture(), None);
+    let frame = prepared(&disc_image(), None);
     let damaged = damaged_disc();
     let missed = click(112.0, 60.0, true);
-    let mended = corrected(&*frame, &damaged, &[missed], None);
+    let repaired = corrected(&*frame, &damaged, &[missed], None);
     let pixels = || (0..WIDTH * HEIGHT).map(|at| (at % WIDTH, at / WIDTH));
     assert!(
-        pixels().all(|(x, y)| mended.at(x, y) || !damaged.at(x, y)),
+        pixels().all(|(x, y)| repaired.at(x, y) || !damaged.at(x, y)),
         "who includes takes nothing away"
     );
-    let added = || pixels().filter(|&(x, y)| mended.at(x, y) && !damaged.at(x, y));
+    let added = || pixels().filter(|&(x, y)| repaired.at(x, y) && !damaged.at(x, y));
     let (right, wrong) = (
         added().filter(|&(x, y)| in_disc(x, y)).count(),
         added().filter(|&(x, y)| !in_disc(x, y)).count(),
     );
     assert!(
         right > 50 && wrong < 4,
-        "{right} of the 64 missed, {wrong} beside the disc"
+        "{right} of the 64 missed, {wrong} outside the disc"
     );
-    let both = corrected(&*frame, &mended, &[missed, click(23.0, 23.0, false)], None);
-    let disc = |x: u32, y: u32| x > 40 && mended.at(x, y);
+    let both = corrected(
+        &*frame,
+        &repaired,
+        &[missed, click(23.0, 23.0, false)],
+        None,
+    );
+    let disc = |x: u32, y: u32| x > 40 && repaired.at(x, y);
     assert_eq!(iou(&both, disc), 1.0, "the square goes, and nothing else");
     assert_eq!(
         corrected(&*frame, &both, &[missed, click(90.0, 60.0, true)], None),
@@ -290,13 +298,7 @@ fn click_on_a_given_mask_corrects_only_the_clicked_error() {
 #[test]
 fn given_masks_are_corrected_at_full_size_up_to_the_edge_and_by_regions_with_depth() {
     let inside = |x: u32, y: u32| (x > 900) && (300..900).contains(&y);
-    let image = picture(1601, 1203, |x, y| {
-        if inside(x, y) {
-            [180, 60, 40]
-        } else {
-            [70, 110, 90]
-        }
-    });
+    let image = image(1601, 1203, |x, y| disc_color(inside(x, y)));
     let is_missed = |x: u32, y: u32| x >= 1585 && (590..606).contains(&y);
     let mut damaged = Region::empty(1601, 1203);
     for at in 0..1601 * 1203 {
@@ -304,9 +306,10 @@ fn given_masks_are_corrected_at_full_size_up_to_the_edge_and_by_regions_with_dep
             inside(at % 1601, at / 1601) && !is_missed(at % 1601, at / 1601);
     }
     let frame = prepared(&image, None);
-    let mended = corrected(&*frame, &damaged, &[click(1600.5, 598.0, true)], None);
+    let repaired = corrected(&*frame, &damaged, &[click(1600.5, 598.0, true)], None);
     let added = || {
-        (0..1601 * 1203u32).filter(|&at| mended.inside[at as usize] && !damaged.inside[at as usize])
+        (0..1601 * 1203u32)
+            .filter(|&at| repaired.inside[at as usize] && !damaged.inside[at as usize])
     };
     assert!(
         added().count() > 150 && added().all(|at| is_missed(at % 1601, at / 1601)),
@@ -320,7 +323,7 @@ fn given_masks_are_corrected_at_full_size_up_to_the_edge_and_by_regions_with_dep
             depths: vec![1.0; (WIDTH * HEIGHT) as usize],
         })
     };
-    let frame = prepared(&disc_picture(), depth());
+    let frame = prepared(&disc_image(), depth());
     let prompt = of_clicks(&[click(112.0, 60.0, true)]);
     let request = SegmentRequest {
         prompt: &prompt,
@@ -336,12 +339,12 @@ fn given_masks_are_corrected_at_full_size_up_to_the_edge_and_by_regions_with_dep
 
 #[test]
 fn correction_respects_earlier_clicks_and_taken_pixels() {
-    let frame = prepared(&disc_picture(), None);
+    let frame = prepared(&disc_image(), None);
     let damaged = damaged_disc();
     let clicks = [click(109.5, 57.5, false), click(112.0, 60.0, true)];
-    let mended = corrected(&*frame, &damaged, &clicks, None);
+    let repaired = corrected(&*frame, &damaged, &clicks, None);
     assert!(
-        mended.at(112, 60) && !mended.at(109, 57),
+        repaired.at(112, 60) && !repaired.at(109, 57),
         "the earlier click holds"
     );
     let again = [click(112.0, 60.0, false), click(112.0, 60.0, true)];
@@ -351,20 +354,14 @@ fn correction_respects_earlier_clicks_and_taken_pixels() {
     );
     let mut taken = Region::empty(WIDTH, HEIGHT);
     (56..64).for_each(|y| taken.inside[(y * WIDTH + 114) as usize] = true);
-    let mended = corrected(&*frame, &damaged, &clicks[1..], Some(&taken));
-    assert!(mended.at(112, 60) && (56..64).all(|y| !mended.at(114, y)));
+    let repaired = corrected(&*frame, &damaged, &clicks[1..], Some(&taken));
+    assert!(repaired.at(112, 60) && (56..64).all(|y| !repaired.at(114, y)));
 }
 
 #[test]
 fn large_image_is_answered_at_full_size() {
     let inside = |x: u32, y: u32| (f64::from(x) - 901.0).hypot(f64::from(y) - 600.0) < 300.0;
-    let image = picture(1601, 1203, |x, y| {
-        if inside(x, y) {
-            [180, 60, 40]
-        } else {
-            [70, 110, 90]
-        }
-    });
+    let image = image(1601, 1203, |x, y| disc_color(inside(x, y)));
     let frame = prepared(&image, None);
     let answer = ask(&*frame, &of_clicks(&[click(901.0, 600.0, true)]), None);
     assert!(iou(&answer, inside) > 0.97, "IoU {}", iou(&answer, inside));
@@ -373,7 +370,7 @@ fn large_image_is_answered_at_full_size() {
 #[test]
 fn smallest_images_have_answers() {
     for (width, height) in [(1, 1), (1, 7), (9, 1), (2, 2), (5, 4)] {
-        let frame = prepared(&picture(width, height, |x, _| [x as u8 * 20, 80, 90]), None);
+        let frame = prepared(&image(width, height, |x, _| [x as u8 * 20, 80, 90]), None);
         let answer = ask(&*frame, &of_clicks(&[click(0.5, 0.5, true)]), None);
         assert!(answer.at(0, 0) && answer.inside.len() == (width * height) as usize);
     }
@@ -381,7 +378,7 @@ fn smallest_images_have_answers() {
 
 #[test]
 fn invalid_requests_are_errors() {
-    let frame = prepared(&disc_picture(), None);
+    let frame = prepared(&disc_image(), None);
     let fails = |prompt: &Prompt, previous: Option<&Region>| {
         matches!(
             frame.segment(
@@ -420,13 +417,13 @@ fn invalid_requests_are_errors() {
     });
     assert!(
         BuiltinSegmenter
-            .prepare(&disc_picture(), Some(&wrong), &Progress::default())
+            .prepare(&disc_image(), Some(&wrong), &Progress::default())
             .is_err()
     );
     let stopped = Progress::default();
     stopped.stop();
     assert!(matches!(
-        BuiltinSegmenter.prepare(&disc_picture(), None, &stopped),
+        BuiltinSegmenter.prepare(&disc_image(), None, &stopped),
         Err(MaskError::Stopped(_))
     ));
 }
@@ -465,7 +462,7 @@ fn hold_and_repeat(places: &[(f64, f64, bool)]) {
             clicks.push(click(x.floor() + 0.5, y.floor() + 0.5, include));
         }
     }
-    let frame = prepared(&disc_picture(), None);
+    let frame = prepared(&disc_image(), None);
     let mut answer: Option<Region> = None;
     for count in 1..=clicks.len() {
         let prompt = of_clicks(&clicks[..count]);

@@ -84,7 +84,7 @@ impl TextGrounder for Yolox {
         let classes = classes(request.phrases)?;
         if image.pixels.is_empty() {
             return Err(MaskError::Request(
-                "there is nothing to find in an empty picture; open another".into(),
+                "there is nothing to find in an empty image; open another".into(),
             ));
         }
         progress.step(0, 1)?;
@@ -114,7 +114,7 @@ impl TextGrounder for Yolox {
 fn classes(phrases: &[String]) -> Result<Vec<usize>, MaskError> {
     if phrases.is_empty() {
         return Err(MaskError::Request(
-            "there is no word to look for; name what is to be found".into(),
+            "there is nothing to search for; enter one or more words".into(),
         ));
     }
     let unknown = |phrase: &str| {
@@ -197,13 +197,13 @@ mod tests {
         std::env::var_os(variable).map_or_else(default, PathBuf::from)
     }
 
-    fn picture(path: &str) -> Image {
+    fn read_image(path: &str) -> Image {
         let path = folder("OSTRA_DATA", "../../../shared/data").join(path);
-        let picture = image::open(&path).unwrap().to_rgb8();
-        let pixels = picture.pixels().map(|pixel| pixel.0).collect();
+        let image = image::open(&path).unwrap().to_rgb8();
+        let pixels = image.pixels().map(|pixel| pixel.0).collect();
         Image {
-            width: picture.width(),
-            height: picture.height(),
+            width: image.width(),
+            height: image.height(),
             pixels,
         }
     }
@@ -245,7 +245,7 @@ mod tests {
     fn bananas_are_found_on_photos_of_bananas() {
         let (yolox, mut on) = (ready(), 0);
         for number in [423, 427, 431, 435] {
-            let image = picture(&format!("banana/images/DSC_0{number}.jpg"));
+            let image = read_image(&format!("banana/images/DSC_0{number}.jpg"));
             let found = ground(&yolox, &image, &["dog", "bananas"], None);
             println!("{number}: {found:?}");
             assert!(
@@ -279,8 +279,10 @@ mod tests {
     fn boxes_match_the_ground_truth() {
         let yolox = ready();
         for (clip, phrase) in [("blackswan", "bird"), ("car-shadow", "a car")] {
-            let image = picture(&format!("davis2016/JPEGImages/{clip}/00000.jpg"));
-            let truth = extent(&picture(&format!("davis2016/Annotations/{clip}/00000.png")));
+            let image = read_image(&format!("davis2016/JPEGImages/{clip}/00000.jpg"));
+            let truth = extent(&read_image(&format!(
+                "davis2016/Annotations/{clip}/00000.png"
+            )));
             let found = ground(&yolox, &image, &[phrase], None);
             println!(
                 "{clip}: {:.2} of {truth:?}, {found:?}",
@@ -300,7 +302,7 @@ mod tests {
             height: 2,
             pixels: vec![[0; 3]; 4],
         };
-        for (phrases, told) in [
+        for (phrases, reported) in [
             (vec!["banana".to_owned(), "panicle".to_owned()], "'panicle'"),
             (Vec::new(), "no word"),
         ] {
@@ -312,7 +314,7 @@ mod tests {
                 .ground(&image, &asked, &Progress::default())
                 .unwrap_err()
                 .to_string();
-            assert!(text.contains(told) && !text.contains('\n'), "{text}");
+            assert!(text.contains(reported) && !text.contains('\n'), "{text}");
             assert_eq!(text.contains("dining table"), phrases.len() == 2, "{text}");
         }
         assert_eq!(yolox.vocabulary().unwrap().len(), 80);

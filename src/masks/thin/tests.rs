@@ -40,7 +40,7 @@ impl Drawn {
 /// Renders an image of 200 × 150 pixels.
 ///
 /// Edges are soft (each pixel is the mean of 16 samples), and there is a little noise.
-fn picture(background: [f64; 3], lines: &[Drawn]) -> Image {
+fn image(background: [f64; 3], lines: &[Drawn]) -> Image {
     let pixel = |at: usize| {
         let corner = DVec2::new((at % 200) as f64, (at / 200) as f64);
         let mut color = background;
@@ -85,7 +85,7 @@ fn widths_are_accurate_to_a_third_of_a_pixel() {
     for width_px in [1.5, 2.0, 3.0, 4.5, 7.0, 11.0, 16.0] {
         let drawn = line(&[(20.0, 31.0), (180.0, 120.0)], width_px, GREEN);
         let found = trace(
-            &picture(GREY, &[drawn]),
+            &image(GREY, &[drawn]),
             &[DVec2::new(40.0, 42.1), DVec2::new(160.0, 108.9)],
         )
         .unwrap();
@@ -105,9 +105,7 @@ fn curve_is_followed_from_three_points() {
         let drawn = arc(width_px);
         let points = [drawn.points[0], drawn.points[12], drawn.points[24]];
         let truth = drawn.region();
-        let iou = trace(&picture(GREY, &[drawn]), &points)
-            .unwrap()
-            .iou(&truth);
+        let iou = trace(&image(GREY, &[drawn]), &points).unwrap().iou(&truth);
         println!("curve of width {width_px}: IoU {iou:.3}");
         assert!(iou > 0.9, "width {width_px}: {iou:.3}");
     }
@@ -123,9 +121,7 @@ fn any_difference_of_colour_makes_a_line() {
     for (name, color) in colors {
         let drawn = Drawn { color, ..arc(4.0) };
         let (points, truth) = ([drawn.points[0], drawn.points[24]], drawn.region());
-        let iou = trace(&picture(GREY, &[drawn]), &points)
-            .unwrap()
-            .iou(&truth);
+        let iou = trace(&image(GREY, &[drawn]), &points).unwrap().iou(&truth);
         assert!(iou > 0.75, "{name}: {iou:.3}");
     }
 }
@@ -142,7 +138,7 @@ fn crossing_line_is_not_followed() {
         }
         .region();
         let points = [DVec2::new(12.0, 75.1), DVec2::new(188.0, 84.9)];
-        let found = trace(&picture(GREY, &[crossing, drawn]), &points).unwrap();
+        let found = trace(&image(GREY, &[crossing, drawn]), &points).unwrap();
         let mut outside = found.clone();
         outside.subtract(&far);
         assert!(found.iou(&truth) > 0.8, "IoU {:.3}", found.iou(&truth));
@@ -160,7 +156,7 @@ fn border_of_a_large_object_is_not_a_line() {
     let drawn = line(&[(10.0, 68.0), (100.0, 60.0), (190.0, 68.0)], 3.0, GREEN);
     let truth = drawn.region();
     let points = [drawn.points[0], drawn.points[2]];
-    let iou = trace(&picture(GREY, &[wall, drawn]), &points)
+    let iou = trace(&image(GREY, &[wall, drawn]), &points)
         .unwrap()
         .iou(&truth);
     assert!(iou > 0.75, "{iou:.3}");
@@ -168,7 +164,7 @@ fn border_of_a_large_object_is_not_a_line() {
 
 #[test]
 fn invalid_points_are_rejected_with_a_hint() {
-    let image = picture(GREY, &[]);
+    let image = image(GREY, &[]);
     let refused = |points: &[(f64, f64)]| {
         let points: Vec<DVec2> = points.iter().map(|&(x, y)| DVec2::new(x, y)).collect();
         trace(&image, &points).unwrap_err().to_string()
@@ -180,11 +176,11 @@ fn invalid_points_are_rejected_with_a_hint() {
             refused(one)
         );
     }
-    assert!(refused(&[(5.0, 5.0), (201.0, 5.0)]).contains("outside the picture"));
-    assert!(refused(&[(5.0, 5.0), (f64::NAN, 5.0)]).contains("outside the picture"));
+    assert!(refused(&[(5.0, 5.0), (201.0, 5.0)]).contains("outside the image"));
+    assert!(refused(&[(5.0, 5.0), (f64::NAN, 5.0)]).contains("outside the image"));
     let whole = trace(&image, &[DVec2::ZERO, DVec2::new(200.0, 150.0)]).unwrap();
     assert!(
         whole.area() >= 150,
-        "a picture without lines is crossed all the same"
+        "an image without lines is crossed all the same"
     );
 }

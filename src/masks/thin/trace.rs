@@ -61,7 +61,7 @@ fn checked(image: &Image, points_px: &[DVec2]) -> Result<Vec<DVec2>, MaskError> 
         |p: &DVec2| p.is_finite() && p.x >= 0.0 && p.y >= 0.0 && p.x <= width && p.y <= height;
     if let Some(out) = points_px.iter().find(|point| !inside(point)) {
         return refuse(format!(
-            "the point {}, {} is outside the picture ({width}×{height}); move it in",
+            "the point {}, {} is outside the image ({width}×{height}); move it in",
             out.x, out.y
         ));
     }

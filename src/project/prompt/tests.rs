@@ -4,7 +4,7 @@ use std::sync::Mutex;
 use glam::DVec2;
 
 use super::*;
-use crate::testing::{anchor, project, tracked};
+use crate::testing::{keyframe, project, tracked};
 use ostra_masks::MaskError;
 
 const LEAF: LabelId = LabelId(1);
@@ -13,7 +13,7 @@ const STEM: LabelId = LabelId(2);
 /// Test segmenter that answers with the rows of all including clicks and records its requests.
 #[derive(Default)]
 struct RowSegmenter {
-    asked: Mutex<Vec<Asked>>,
+    requested: Mutex<Vec<Asked>>,
 }
 
 struct Asked {
@@ -28,7 +28,7 @@ impl PreparedFrame for RowSegmenter {
         request: &SegmentRequest<'_>,
         _progress: &Progress,
     ) -> Result<Region, MaskError> {
-        self.asked.lock().unwrap().push(Asked {
+        self.requested.lock().unwrap().push(Asked {
             prompt: request.prompt.clone(),
             previous: request.previous.cloned(),
             taken: request.taken.cloned(),
@@ -51,7 +51,7 @@ fn with_mask(ids: [u16; 3]) -> Project {
     let mut project = project();
     let edit = Edit::SetMask {
         frame: 0,
-        mask: Some(anchor(ids)),
+        mask: Some(keyframe(ids)),
     };
     project.apply(edit).unwrap();
     project
@@ -80,16 +80,16 @@ fn each_new_click_on_a_mask_refines_the_previous_answer() {
     let meaning = PromptMeaning::new(&project, &request).unwrap();
     let segmenter = RowSegmenter::default();
     let region = meaning.segment(&segmenter, &Progress::default()).unwrap();
-    let asked = segmenter.asked.into_inner().unwrap();
-    assert_eq!(asked.len(), 2);
-    assert!(asked.iter().all(|asked| asked.prompt.corrects));
+    let requested = segmenter.requested.into_inner().unwrap();
+    assert_eq!(requested.len(), 2);
+    assert!(requested.iter().all(|requested| requested.prompt.corrects));
     assert_eq!(
-        asked[0].previous,
-        Some(anchor([1, 0, 0]).runs.region(LEAF)),
+        requested[0].previous,
+        Some(keyframe([1, 0, 0]).runs.region(LEAF)),
         "the mask that is corrected"
     );
     assert_eq!(
-        asked[1].previous.as_ref().map(Region::area),
+        requested[1].previous.as_ref().map(Region::area),
         Some(4),
         "the answer to the first click"
     );
@@ -112,10 +112,10 @@ fn label_under_the_newest_click_gives_way_if_the_click_includes() {
         let meaning = PromptMeaning::new(&project, &request).unwrap();
         let segmenter = RowSegmenter::default();
         let region = meaning.segment(&segmenter, &Progress::default()).unwrap();
-        let asked = segmenter.asked.into_inner().unwrap();
+        let requested = segmenter.requested.into_inner().unwrap();
         let mask = meaning.compose(&project, &region).unwrap();
         (
-            asked.last().unwrap().taken.as_ref().map(Region::area),
+            requested.last().unwrap().taken.as_ref().map(Region::area),
             mask.region(STEM).area(),
         )
     };
@@ -135,13 +135,13 @@ fn clicks_of_other_labels_exclude() {
         })
         .unwrap();
     let meaning = PromptMeaning::new(&project, &request(LEAF, &[(0.5, 0.5, true)])).unwrap();
-    let asked: Vec<bool> = meaning.questions[0]
+    let requested: Vec<bool> = meaning.questions[0]
         .prompt
         .clicks
         .iter()
         .map(|click| click.include)
         .collect();
-    assert_eq!(asked, [false, true]);
+    assert_eq!(requested, [false, true]);
 }
 
 #[test]

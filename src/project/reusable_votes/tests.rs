@@ -1,5 +1,5 @@
 use super::*;
-use crate::testing::{anchor, camera, frame};
+use crate::testing::{camera, frame, keyframe};
 use ostra_cloud::fuse::{OntoOptions, SeenPoints, vote_seen};
 use ostra_frames::FrameStore;
 
@@ -12,7 +12,7 @@ fn votes_of(frames: &[Frame]) -> Votes {
     let views = ProjectViews {
         frames,
         store: &FrameStore::new(1 << 20),
-        masks: &|_| Some(Arc::new(anchor([1, 1, 1]).runs.decode())),
+        masks: &|_| Some(Arc::new(keyframe([1, 1, 1]).runs.decode())),
     };
     let options = OntoOptions {
         radius: Some(0.1),

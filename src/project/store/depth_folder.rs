@@ -15,7 +15,7 @@ use super::durable;
 use super::versions::{depth_file, depths_path};
 use ostra_cloud::SceneError;
 use ostra_core::disk;
-use ostra_frames::{DepthMap, DepthSource, Frame, FrameError, MadeDepth};
+use ostra_frames::{DepthMap, DepthSource, EstimatedDepth, Frame, FrameError};
 use ostra_reconstruct::stereo::{DepthEstimate, DepthStore, Stage, ViewOutcome};
 
 /// Maximum size of the account. One of a million frames takes half of it; a larger one is damaged.
@@ -41,7 +41,7 @@ pub struct DepthFolder {
 
 /// How the depth maps of a folder were made.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct DepthAccount {
+pub struct DepthRunRecord {
     /// Digest of cameras, images and options; equal keys give equal depths.
     pub key: String,
     /// Maximum longer side of the depth maps, in pixels.
@@ -66,7 +66,7 @@ impl DepthFolder {
     #[must_use]
     pub fn scaled(self, frames: &[Frame]) -> Self {
         let scale = frames.iter().find_map(|frame| match frame.depth {
-            Some(DepthSource::Made { scale, .. }) => Some(scale as f32),
+            Some(DepthSource::Estimated { scale, .. }) => Some(scale as f32),
             _ => None,
         });
         Self {
@@ -80,7 +80,7 @@ impl DepthFolder {
     /// # Errors
     ///
     /// Returns an error if the file cannot be written.
-    pub fn save_account(&self, account: &DepthAccount) -> Result<()> {
+    pub fn save_account(&self, account: &DepthRunRecord) -> Result<()> {
         durable::replace(
             &self.folder.join(ACCOUNT),
             &serde_json::to_vec_pretty(account)?,
@@ -92,7 +92,7 @@ impl DepthFolder {
     /// # Errors
     ///
     /// Returns an error if the file is missing or damaged.
-    pub fn load_account(&self) -> Result<DepthAccount> {
+    pub fn load_account(&self) -> Result<DepthRunRecord> {
         let path = self.folder.join(ACCOUNT);
         let bytes = disk::read_regular_up_to(&path, MAX_ACCOUNT_BYTES)
             .with_context(|| format!("{}: cannot be read; reconstruct again", path.display()))?;
@@ -132,12 +132,12 @@ impl DepthFolder {
 
 impl DepthStore for DepthFolder {
     fn load(&self, frame: usize, stage: Stage) -> Result<Option<Arc<DepthEstimate>>, SceneError> {
-        let MadeDepth {
+        let EstimatedDepth {
             camera,
             depth,
             normals,
             confidence,
-        } = match MadeDepth::read(&self.path(frame, stage)) {
+        } = match EstimatedDepth::read(&self.path(frame, stage)) {
             Ok(made) => made,
             Err(FrameError::Missing { .. }) => return Ok(None),
             Err(error) => return Err(error.into()),
@@ -168,7 +168,7 @@ impl DepthStore for DepthFolder {
             height: camera.height,
             depths,
         };
-        let encoded = MadeDepth {
+        let encoded = EstimatedDepth {
             camera,
             depth,
             normals,

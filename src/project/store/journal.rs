@@ -119,14 +119,14 @@ pub struct ReadRecords {
     /// End of each record's line, in bytes.
     pub ends: Vec<u64>,
     /// Lines after these records that are not used, if any.
-    pub rest: Option<Rest>,
+    pub rest: Option<UnusedRecords>,
     /// Whether the last line is incomplete because of a kill or a full disk.
     pub is_torn: bool,
 }
 
 /// Complete lines of a record file that are not used.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Rest {
+pub struct UnusedRecords {
     /// Description of the problem, with the line number.
     pub why: String,
     /// Number of complete lines after the bad one.
@@ -140,7 +140,7 @@ impl ReadRecords {
             (self.records.len() - first - 1) + self.rest.take().map_or(0, |rest| rest.after + 1);
         self.records.truncate(first);
         self.ends.truncate(first);
-        self.rest = Some(Rest { why, after });
+        self.rest = Some(UnusedRecords { why, after });
     }
 
     /// Returns the length of the records' lines, in bytes.
@@ -186,7 +186,7 @@ pub fn read_records(path: &Path) -> Result<ReadRecords> {
             }
             Err(_) => {
                 let why = format!("line {} is damaged", read.records.len() + 1);
-                read.rest = Some(Rest {
+                read.rest = Some(UnusedRecords {
                     why,
                     after: lines.count(),
                 });
@@ -195,7 +195,7 @@ pub fn read_records(path: &Path) -> Result<ReadRecords> {
         }
     }
     if read.rest.is_none() && read.is_torn && !is_begun_record(torn) {
-        read.rest = Some(Rest {
+        read.rest = Some(UnusedRecords {
             why: format!("line {} is damaged", read.records.len() + 1),
             after: 0,
         });

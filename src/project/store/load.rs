@@ -8,7 +8,7 @@ use super::history_file::{self, Past};
 use super::journal::{ReadRecords, read_records};
 use super::manifest::{self, Manifest};
 use super::mask_files::{self, ReadMasks, Runs};
-use super::{Act, Record, places};
+use super::{Act, Record, source_paths};
 use crate::{Edit, History, Project};
 use ostra_core::job::Progress;
 
@@ -91,7 +91,11 @@ pub fn state(root: &Path, progress: &Progress) -> Result<State> {
     damages.extend(damage);
     warnings.extend(warning);
     warnings.extend(journal.is_torn.then(|| torn(&path)));
-    warnings.extend(places::find_moved(&mut project, former.as_deref(), root));
+    warnings.extend(source_paths::find_moved(
+        &mut project,
+        former.as_deref(),
+        root,
+    ));
     let history_end = (history_seq, length);
     Ok(State {
         project,

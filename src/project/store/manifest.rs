@@ -5,7 +5,7 @@ use anyhow::{Context, Result, bail, ensure};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::{durable, places};
+use super::{durable, source_paths};
 use crate::{Marks, Project, ResultKind, ResultRecord};
 use ostra_core::disk::read_text_up_to;
 use ostra_frames::Frame;
@@ -130,7 +130,7 @@ pub fn write(root: &Path, project: &Project, step: u64) -> Result<()> {
     if let Some(folder) = &folder {
         frames
             .iter_mut()
-            .for_each(|frame| places::make_relative(frame, folder));
+            .for_each(|frame| source_paths::make_relative(frame, folder));
     }
     let manifest = Manifest {
         format: FORMAT,
@@ -183,7 +183,7 @@ impl Manifest {
             .unwrap_or(root);
         self.frames
             .iter_mut()
-            .for_each(|frame| places::make_absolute(frame, home));
+            .for_each(|frame| source_paths::make_absolute(frame, home));
         let mut project = Project {
             labels: tree(self.labels)?,
             results: self.results,

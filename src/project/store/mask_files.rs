@@ -171,7 +171,7 @@ pub fn read(
         let origin = match origins.of(&frame.name) {
             Known::As(origin) => origin,
             Known::Nothing => return None,
-            Known::Damaged if path.exists() => Origin::anchor(),
+            Known::Damaged if path.exists() => Origin::keyframe(),
             Known::Damaged => return None,
         };
         let mask = progress
@@ -258,8 +258,10 @@ impl Origins {
     /// Adds warnings and damage about the file itself.
     fn report(self, root: &Path, masks: usize, found: &mut ReadMasks) {
         let path = root.join(ORIGINS);
-        let anchors = |count: usize| {
-            format!("which masks are anchors is not known; {count} masks count as anchors now")
+        let keyframes = |count: usize| {
+            format!(
+                "it is not known which masks are keyframes; all {count} masks count as keyframes now"
+            )
         };
         let damage = |what: String| Damage {
             path: path.clone(),
@@ -271,18 +273,20 @@ impl Origins {
                 found.warnings.push(format!(
                     "{}: is missing; {}",
                     path.display(),
-                    anchors(masks)
+                    keyframes(masks)
                 ));
             }
             Self::Missing => {}
             Self::Damaged(why) => found
                 .damages
-                .push(damage(format!("{why}; {}", anchors(masks)))),
+                .push(damage(format!("{why}; {}", keyframes(masks)))),
             Self::Read(entries) => {
                 let damaged = entries.values().filter(|entry| entry.is_none()).count();
                 if damaged > 0 {
-                    let what =
-                        format!("{damaged} of its entries are damaged; {}", anchors(damaged));
+                    let what = format!(
+                        "{damaged} of its entries are damaged; {}",
+                        keyframes(damaged)
+                    );
                     found.damages.push(damage(what));
                 }
             }
@@ -291,9 +295,9 @@ impl Origins {
 }
 
 impl Origin {
-    fn anchor() -> Self {
+    fn keyframe() -> Self {
         Self {
-            origin: MaskOrigin::Anchor,
+            origin: MaskOrigin::Keyframe,
             stale: false,
             confidence: BTreeMap::new(),
         }
@@ -305,7 +309,7 @@ impl Origin {
             .confidence
             .values()
             .all(|share| (0.0..=1.0).contains(share));
-        shares && !(self.stale && self.origin == MaskOrigin::Anchor)
+        shares && !(self.stale && self.origin == MaskOrigin::Keyframe)
     }
 }
 

@@ -18,17 +18,17 @@ mod lock;
 mod manifest;
 mod mask_files;
 pub(super) mod packed_runs;
-mod places;
+mod source_paths;
 mod sparse_model;
 mod versions;
 
 pub use checkpoint::{Checkpoint, HISTORY_BYTES, Written};
-pub use depth_folder::{DepthAccount, DepthFolder, depth_map_path};
+pub use depth_folder::{DepthFolder, DepthRunRecord, depth_map_path};
 pub use durable::{replace, sync_folder};
 pub use folder::{Folder, Loaded};
 pub use journal::{Act, Record};
 pub use lock::{Lock, LockError};
-pub use places::joined;
+pub use source_paths::joined;
 pub use sparse_model::{
     load_links, load_outcomes, load_sparse, read_sparse, save_links, save_outcomes,
 };

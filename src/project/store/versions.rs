@@ -149,7 +149,9 @@ pub fn keep_votes(root: &Path, from: u64, to: u64) -> Result<()> {
 pub fn publish_depths(root: &Path, frames: &[Frame]) -> Result<()> {
     let folder = root.join("depths");
     let made = |frame: &Frame| match &frame.depth {
-        Some(DepthSource::Made { made, .. }) => Some((depth_file(&frame.name), root.join(made))),
+        Some(DepthSource::Estimated { made, .. }) => {
+            Some((depth_file(&frame.name), root.join(made)))
+        }
         _ => None,
     };
     let wanted: BTreeMap<String, PathBuf> = frames.iter().filter_map(made).collect();
@@ -248,7 +250,7 @@ pub fn version_in_force(project: &Project, kind: ResultKind) -> Option<u64> {
 
 fn referred(project: &Project, history: &History, kind: ResultKind) -> BTreeSet<u64> {
     let of_depth = |depth: &Option<DepthSource>| match depth {
-        Some(DepthSource::Made { made, .. }) if kind == ResultKind::Depths => made
+        Some(DepthSource::Estimated { made, .. }) if kind == ResultKind::Depths => made
             .iter()
             .nth(1)?
             .to_str()?

@@ -43,7 +43,7 @@ impl Default for RgbdOptions {
 /// Edge of the voxels that fragments are compared on, as a share of the typical depth.
 const VOXEL: f64 = 0.025;
 /// Number of pairs of frames that must confirm the pose of a fragment.
-const WITNESSES: usize = 2;
+const MIN_SUPPORT: usize = 2;
 /// Minimum number of scans of a fragment that is placed by its shape.
 const LEAST_SCANS: usize = 3;
 
@@ -86,7 +86,8 @@ pub fn join(
             let clouds = [(&cloud, &own), (&whole_cloud, &described)];
             let mut joined = false;
             for whole_from_fragment in guesses(clouds, typical, options, progress)? {
-                joined = witnessed(scans, graph, &fragment, &whole_from_fragment, progress);
+                joined =
+                    supported_by_overlap(scans, graph, &fragment, &whole_from_fragment, progress);
                 if joined {
                     break;
                 }
@@ -142,7 +143,7 @@ fn guesses(
 }
 
 /// Places a fragment if enough pairs of its frames and those of the whole agree.
-fn witnessed(
+fn supported_by_overlap(
     scans: &[Scan],
     graph: &mut Graph,
     fragment: &Fragment,
@@ -158,7 +159,7 @@ fn witnessed(
     let mut pairs = overlapping(scans, &poses, &BTreeSet::new());
     pairs.retain(|pair| own.contains(&pair[0]) != own.contains(&pair[1]));
     let tried = densify(scans, &poses, (&pairs, LinkKind::Shape), progress);
-    if tried.iter().filter(|(_, result)| result.is_ok()).count() < WITNESSES {
+    if tried.iter().filter(|(_, result)| result.is_ok()).count() < MIN_SUPPORT {
         return false;
     }
     graph.place(fragment, &fragment_from_whole);

@@ -239,13 +239,13 @@ fn place_between(
             Ok(own) => own,
             Err(why) => return Ok((number, why, None)),
         };
-        let beside = known
+        let adjacent = known
             .range(..number)
             .next_back()
             .into_iter()
             .chain(known.range(number..).next());
         let mut nearest = None;
-        for (&frame, &at) in beside {
+        for (&frame, &at) in adjacent {
             let Some(pose) = placed[at] else { continue };
             let matches = request
                 .matcher
@@ -352,7 +352,7 @@ pub fn why_no_start(outcomes: &BTreeMap<usize, Outcome>) -> String {
         return format!("{} of {all} frames cannot be read: {why}", unreadable.len());
     }
     format!(
-        "no two of {all} frames agree in depth and picture ({no_depth} have too little depth, {no_camera} no known camera); \
-         check the depth unit, the intrinsics and that each depth belongs to its picture, or give --method sfm"
+        "no two of {all} frames agree in depth and image ({no_depth} with too little depth, {no_camera} without a known camera); \
+         check the depth unit, the intrinsics and that each depth belongs to its image, or give --method sfm"
     )
 }

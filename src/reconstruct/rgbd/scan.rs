@@ -78,7 +78,7 @@ pub fn scan(
     let size = (camera.width, camera.height);
     if (image.width, image.height) != size || (depth.width, depth.height) != size {
         return Ok(Err(Outcome::Unreadable {
-            why: "picture, depth and camera differ in size; give all in one".into(),
+            why: "image, depth and camera differ in size; give all in one".into(),
         }));
     }
     let view = View::new(&image, &depth, &camera);

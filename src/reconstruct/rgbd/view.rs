@@ -52,7 +52,7 @@ impl View {
 
     /// Returns the view with depth alone, and an image without content.
     #[must_use]
-    pub fn without_picture(&self) -> Self {
+    pub fn without_image(&self) -> Self {
         Self {
             grey: vec![0; self.grey.len()],
             ..self.clone()

@@ -2,7 +2,7 @@ use std::borrow::Cow;
 
 use glam::DVec2;
 
-use super::tilted::{Tilt, tilted_features};
+use super::asift::{Tilt, tilted_features};
 use super::{Descriptors, FeatureExtractor, Features, SfmError};
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameError, FrameStore, Image};
@@ -12,7 +12,7 @@ const AHEAD: usize = 2;
 
 /// Features of one image for structure from motion.
 #[derive(Debug, Clone)]
-pub struct PictureFeatures {
+pub struct ImageFeatures {
     /// Its features.
     pub features: Features,
     /// Colour of the image at each keypoint, sRGB.
@@ -35,7 +35,7 @@ pub fn extract(
     extractor: &dyn FeatureExtractor,
     allowed: AllowedPixels<'_>,
     progress: &Progress,
-) -> Result<Vec<PictureFeatures>, SfmError> {
+) -> Result<Vec<ImageFeatures>, SfmError> {
     let mut all = Vec::with_capacity(chosen.len());
     for (done, &number) in chosen.iter().enumerate() {
         progress.step(done, chosen.len())?;
@@ -45,7 +45,7 @@ pub fn extract(
             .map(|&next| frames[next].clone())
             .collect();
         store.prefetch(&next);
-        all.push(of_picture(
+        all.push(of_image(
             &frames[number],
             store,
             extractor,
@@ -59,12 +59,12 @@ pub fn extract(
 ///
 /// # Errors
 /// As [`extract`].
-pub fn of_picture(
+pub fn of_image(
     frame: &Frame,
     store: &FrameStore,
     extractor: &dyn FeatureExtractor,
     allowed: Option<&[bool]>,
-) -> Result<PictureFeatures, SfmError> {
+) -> Result<ImageFeatures, SfmError> {
     let image = match store.image(frame) {
         Ok(image) => image,
         Err(error) => return Ok(none(frame, error.to_string())),
@@ -88,13 +88,13 @@ pub fn of_picture(
 ///
 /// # Errors
 /// As [`extract`].
-pub fn tilted_picture(
+pub fn tilted_image(
     frame: &Frame,
     store: &FrameStore,
     extractor: &dyn FeatureExtractor,
     allowed: Option<&[bool]>,
     progress: &Progress,
-) -> Result<Vec<PictureFeatures>, SfmError> {
+) -> Result<Vec<ImageFeatures>, SfmError> {
     let Ok(image) = store.image(frame) else {
         return Ok(Vec::new());
     };
@@ -131,20 +131,20 @@ fn opaque<'a>(
     })
 }
 
-fn coloured(features: Features, image: &Image) -> PictureFeatures {
+fn coloured(features: Features, image: &Image) -> ImageFeatures {
     let colors = features
         .keypoints
         .iter()
         .map(|&at_px| color_at(image, at_px))
         .collect();
-    PictureFeatures {
+    ImageFeatures {
         features,
         colors,
         unreadable: None,
     }
 }
 
-fn none(frame: &Frame, why: String) -> PictureFeatures {
+fn none(frame: &Frame, why: String) -> ImageFeatures {
     let features = Features {
         width: frame.width,
         height: frame.height,
@@ -156,7 +156,7 @@ fn none(frame: &Frame, why: String) -> PictureFeatures {
             values: Vec::new(),
         },
     };
-    PictureFeatures {
+    ImageFeatures {
         features,
         colors: Vec::new(),
         unreadable: Some(why),

@@ -158,9 +158,9 @@ pub trait FeatureMatcher: Send + Sync {
     ///
     /// # Errors
     /// As [`Self::matches`].
-    fn of_set<'a>(&'a self, pictures: &'a [&'a Features]) -> Result<PairMatches<'a>, FeatureError> {
+    fn of_set<'a>(&'a self, images: &'a [&'a Features]) -> Result<PairMatches<'a>, FeatureError> {
         Ok(Box::new(|first, second| {
-            self.matches(pictures[first], pictures[second])
+            self.matches(images[first], images[second])
         }))
     }
 
@@ -170,10 +170,10 @@ pub trait FeatureMatcher: Send + Sync {
     /// As [`Self::matches`].
     fn of_pairs<'a>(
         &'a self,
-        pictures: &'a [&'a Features],
+        images: &'a [&'a Features],
         _pairs: &[(usize, usize)],
     ) -> Result<PairMatches<'a>, FeatureError> {
-        self.of_set(pictures)
+        self.of_set(images)
     }
 }
 
@@ -188,7 +188,7 @@ pub enum FeatureError {
     #[error("the feature network failed: {0}")]
     Network(String),
     /// Two images have descriptors of different kinds or sizes.
-    #[error("{0}; extract the features of all pictures with the same extractor")]
+    #[error("{0}; extract the features of all images with the same extractor")]
     Kinds(String),
 }
 

@@ -1,7 +1,7 @@
 use std::path::PathBuf;
 
 use super::{IntrinsicsSource, MapCamera};
-use ostra_frames::{Frame, Orientation, PictureSource, exif_focal_px};
+use ostra_frames::{Frame, ImageSource, Orientation, exif_focal_px};
 use ostra_geometry::{Camera, Distortion};
 
 /// Guessed focal length of an unknown camera, relative to the longer side of its images.
@@ -74,11 +74,11 @@ impl CameraGroups {
 
 impl Trace {
     fn of(frame: &Frame) -> Self {
-        let (place, orientation) = match &frame.picture {
-            PictureSource::File { path, orientation } => {
+        let (place, orientation) = match &frame.image {
+            ImageSource::File { path, orientation } => {
                 (path.parent().unwrap_or(path).to_path_buf(), *orientation)
             }
-            PictureSource::Film { path, .. } => (path.clone(), Orientation::default()),
+            ImageSource::Video { path, .. } => (path.clone(), Orientation::default()),
         };
         Self {
             place,

@@ -2,7 +2,7 @@ use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
 
-use super::extract::{PictureFeatures, of_picture};
+use super::extract::{ImageFeatures, of_image};
 use super::request::SfmRequest;
 use super::{IntrinsicsSource, KeypointId, MapProblem, Outcome, SfmError, SparseModel};
 use ostra_core::statistics::upper_median;
@@ -16,7 +16,7 @@ pub(super) struct Locator<'a> {
     pub request: &'a SfmRequest<'a>,
     pub problem: &'a MapProblem,
     pub model: &'a SparseModel,
-    pub pictures: &'a [PictureFeatures],
+    pub images: &'a [ImageFeatures],
 }
 
 /// Result for a frame between mapped ones.
@@ -26,7 +26,7 @@ pub(super) struct Located {
 }
 
 /// Model points that the matches of a frame lead to.
-struct Sightings {
+struct Observations {
     /// Pixels of the frame with the points that they see, each pair once.
     seen: Vec<(DVec2, DVec3)>,
     /// The frame that shares most with it, and their number of matches.
@@ -42,13 +42,13 @@ impl Locator<'_> {
     /// Estimates the pose of a frame from its matches with mapped frames near it in the sequence.
     pub fn locate(&self, number: usize, store: &FrameStore) -> Result<Located, SfmError> {
         let frame = &self.request.frames[number];
-        let picture = of_picture(
+        let query = of_image(
             frame,
             store,
             self.request.extractor,
             (self.request.allowed)(number).as_deref(),
         )?;
-        if let Some(why) = picture.unreadable {
+        if let Some(why) = query.unreadable {
             return Ok(Located {
                 camera: None,
                 outcome: Outcome::Unreadable { why },
@@ -57,7 +57,7 @@ impl Locator<'_> {
         let mut outcome = Outcome::NoPair { nearest: None };
         for reach in REACH {
             let near = self.near(number, reach);
-            let seen = self.sightings(&picture, &near)?;
+            let seen = self.observations(&query, &near)?;
             match self.pose(frame, &near, &seen) {
                 Ok(located) => return Ok(located),
                 Err(why) => outcome = why,
@@ -81,14 +81,18 @@ impl Locator<'_> {
         near
     }
 
-    fn sightings(&self, picture: &PictureFeatures, near: &[usize]) -> Result<Sightings, SfmError> {
+    fn observations(
+        &self,
+        query: &ImageFeatures,
+        near: &[usize],
+    ) -> Result<Observations, SfmError> {
         let mut seen: BTreeMap<(u32, u32), DVec3> = BTreeMap::new();
         let mut nearest: Option<(usize, usize)> = None;
         for &image in near {
             let matches = self
                 .request
                 .matcher
-                .matches(&picture.features, &self.pictures[image].features)?;
+                .matches(&query.features, &self.images[image].features)?;
             if matches.len() > nearest.map_or(0, |(_, most)| most) {
                 nearest = Some((self.request.mapped[image], matches.len()));
             }
@@ -106,19 +110,19 @@ impl Locator<'_> {
         }
         let seen = seen
             .into_iter()
-            .map(|((own, _), x)| (picture.features.keypoints[own as usize], x))
+            .map(|((own, _), x)| (query.features.keypoints[own as usize], x))
             .collect();
-        Ok(Sightings { seen, nearest })
+        Ok(Observations { seen, nearest })
     }
 
     fn pose(
         &self,
         frame: &Frame,
         near: &[usize],
-        sightings: &Sightings,
+        observations: &Observations,
     ) -> Result<Located, Outcome> {
         let needed = self.request.mapper.pose_inliers;
-        let Sightings { seen, nearest } = sightings;
+        let Observations { seen, nearest } = observations;
         if seen.len() < needed {
             return Err(Outcome::FewPoints {
                 seen: seen.len(),

@@ -3,7 +3,7 @@
 //!
 //! Every image that gets no camera has an [`Outcome`] with the reason.
 
-mod account;
+mod asift;
 mod cache;
 mod error;
 mod extract;
@@ -16,18 +16,17 @@ pub mod onnx;
 mod pairs;
 mod pipeline;
 mod problem;
+mod registration_report;
 mod request;
 pub mod retrieval;
+mod retry_unregistered;
 mod scale;
-mod second_chance;
 pub mod sift;
-mod tilted;
 mod undistort;
 
-pub use account::Outcome;
 pub use cache::{CachedExtractor, CachedMatcher, FeatureCache};
 pub use error::SfmError;
-pub use extract::{AllowedPixels, PictureFeatures};
+pub use extract::{AllowedPixels, ImageFeatures};
 pub use features::{
     Descriptors, FeatureError, FeatureExtractor, FeatureMatcher, Features, PairMatches,
 };
@@ -39,6 +38,7 @@ pub use problem::{
     Correspondences, IntrinsicsSource, KeypointId, MapCamera, MapImage, MapProblem, ModelPoint,
     SparseModel, VerifiedPair,
 };
+pub use registration_report::Outcome;
 pub use request::{SfmRequest, SfmResult};
 pub use scale::{MetricScale, metric_scale};
 pub use sift::{Sift, SiftOptions};

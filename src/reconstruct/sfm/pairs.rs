@@ -204,7 +204,7 @@ mod tests {
     use crate::sfm::Descriptors;
 
     /// Returns features of an image of one of several places, each with its own descriptors.
-    fn picture(place: u64) -> Features {
+    fn image(place: u64) -> Features {
         let mut random = Pcg64Mcg::seed_from_u64(place);
         Features {
             width: 10,
@@ -234,7 +234,7 @@ mod tests {
 
     #[test]
     fn small_sets_are_compared_in_full() {
-        let set: Vec<Features> = (0..4).map(picture).collect();
+        let set: Vec<Features> = (0..4).map(image).collect();
         let pairs = choose_pairs(
             &set.iter().collect::<Vec<_>>(),
             &[0, 1, 2, 3],
@@ -246,7 +246,7 @@ mod tests {
     #[test]
     fn windows_stay_in_their_sequence_but_similarity_pairs_cross() {
         // Two folders, with images taken in turn; only images 0 and 7 show the same place.
-        let set = [0, 1, 1, 2, 2, 3, 3, 0].map(picture);
+        let set = [0, 1, 1, 2, 2, 3, 3, 0].map(image);
         let set: Vec<&Features> = set.iter().collect();
         let options = PairOptions {
             exhaustive_up_to: 0,
@@ -289,7 +289,7 @@ mod tests {
 
     #[test]
     fn given_pairs_are_added_to_the_chosen_ones() {
-        let set: Vec<Features> = (0..4).map(picture).collect();
+        let set: Vec<Features> = (0..4).map(image).collect();
         let given = vec![(3, 0), (0, 3), (1, 1), (1, 7)];
         let options = PairOptions {
             exhaustive_up_to: 0,

@@ -1,17 +1,17 @@
 use std::collections::BTreeMap;
 
-use super::account::{Outcome, outcomes, why_no_start};
-use super::extract::{PictureFeatures, extract};
+use super::extract::{ImageFeatures, extract};
 use super::locate::{Located, Locator};
+use super::registration_report::{Outcome, outcomes, why_no_start};
 use super::request::{SfmRequest, error_px, frame_cameras, sparse_points};
-use super::second_chance::{Attempt, second_chance};
+use super::retry_unregistered::{Attempt, retry_unregistered};
 use super::{
     CameraGroups, Features, KeypointId, MapImage, MapProblem, Mapped, SfmError, SfmResult,
     SparseModel, TriedPair, choose_pairs, map, match_pairs, metric_scale,
 };
 use ostra_core::job::Progress;
 use ostra_core::statistics::upper_median;
-use ostra_frames::{Frame, FrameStore, PictureSource};
+use ostra_frames::{Frame, FrameStore, ImageSource};
 
 /// Estimates cameras and sparse points from images.
 ///
@@ -29,7 +29,7 @@ pub fn structure_from_motion(
 ) -> Result<SfmResult, SfmError> {
     progress.stage("find features")?;
     let frames = request.frames;
-    let pictures = extract(
+    let images = extract(
         frames,
         request.mapped,
         store,
@@ -44,34 +44,34 @@ pub fn structure_from_motion(
         .map(|&number| &frames[number])
         .collect();
     let groups = CameraGroups::new(&chosen);
-    let (problem, tried) = problem(request, &chosen, &groups, &pictures, progress)?;
+    let (problem, tried) = problem(request, &chosen, &groups, &images, progress)?;
     progress.stage("map")?;
     let models = map(&problem, &request.mapper, progress)?;
     let first = Attempt {
         problem,
-        pictures,
+        images,
         tried,
         models,
     };
     let Attempt {
         problem,
-        pictures,
+        images,
         tried,
         models,
-    } = second_chance(first, request, store, progress)?;
+    } = retry_unregistered(first, request, store, progress)?;
     let Some(kept) = models.first() else {
         progress.check()?;
         let names: Vec<&str> = chosen.iter().map(|frame| frame.name.as_str()).collect();
         return Err(SfmError::NoStart(why_no_start(
             &names,
-            &found(&pictures),
+            &found(&images),
             &tried,
         )));
     };
     let mut result = SfmResult {
         cameras: frame_cameras(&problem, &kept.model, request.mapped),
-        sparse: sparse_points(&problem, &kept.model, &pictures, request.mapped),
-        outcomes: account(request, &problem, &pictures, &tried, &models),
+        sparse: sparse_points(&problem, &kept.model, &images, request.mapped),
+        outcomes: account(request, &problem, &images, &tried, &models),
         start: kept.start,
         models: models
             .iter()
@@ -86,7 +86,7 @@ pub fn structure_from_motion(
         request,
         problem: &problem,
         model: &kept.model,
-        pictures: &pictures,
+        images: &images,
     };
     match finish(&locator, store, &mut result, progress) {
         // A partial result is scaled all the same: its scale could not be determined later.
@@ -119,10 +119,10 @@ fn problem(
     request: &SfmRequest<'_>,
     chosen: &[&Frame],
     groups: &CameraGroups,
-    pictures: &[PictureFeatures],
+    images: &[ImageFeatures],
     progress: &Progress,
 ) -> Result<(MapProblem, Vec<TriedPair>), SfmError> {
-    let features: Vec<&Features> = pictures.iter().map(|picture| &picture.features).collect();
+    let features: Vec<&Features> = images.iter().map(|image| &image.features).collect();
     let pairs = choose_pairs(&features, &sequences(chosen), &request.pairs);
     let cameras: Vec<_> = groups
         .camera_of
@@ -140,11 +140,11 @@ fn problem(
     let images =
         chosen
             .iter()
-            .zip(pictures)
+            .zip(images)
             .zip(&groups.camera_of)
-            .map(|((frame, picture), &camera)| MapImage {
+            .map(|((frame, image), &camera)| MapImage {
                 camera,
-                keypoints: picture.features.keypoints.clone(),
+                keypoints: image.features.keypoints.clone(),
                 given: frame
                     .posed_camera()
                     .filter(|_| request.keep_poses)
@@ -167,9 +167,9 @@ fn problem(
 /// Returns the number of the folder or video that each frame comes from.
 fn sequences(frames: &[&Frame]) -> Vec<usize> {
     let mut places = Vec::new();
-    let place = |frame: &&Frame| match &frame.picture {
-        PictureSource::File { path, .. } => path.parent().unwrap_or(path).to_path_buf(),
-        PictureSource::Film { path, .. } => path.clone(),
+    let place = |frame: &&Frame| match &frame.image {
+        ImageSource::File { path, .. } => path.parent().unwrap_or(path).to_path_buf(),
+        ImageSource::Video { path, .. } => path.clone(),
     };
     let number = |frame| {
         let place = place(frame);
@@ -187,14 +187,14 @@ fn sequences(frames: &[&Frame]) -> Vec<usize> {
 fn account(
     request: &SfmRequest<'_>,
     problem: &MapProblem,
-    pictures: &[PictureFeatures],
+    images: &[ImageFeatures],
     tried: &[TriedPair],
     models: &[Mapped],
 ) -> BTreeMap<usize, Outcome> {
     let placed = |image: usize| residual(problem, &models.first()?.model, image);
     let outcomes = outcomes(
         request.mapped,
-        &found(pictures),
+        &found(images),
         tried,
         models,
         &request.mapper,
@@ -204,14 +204,14 @@ fn account(
 }
 
 /// Returns the number of features of each image, or why it cannot be read.
-fn found(pictures: &[PictureFeatures]) -> Vec<Result<usize, String>> {
-    let one = |picture: &PictureFeatures| {
-        picture
+fn found(images: &[ImageFeatures]) -> Vec<Result<usize, String>> {
+    let one = |image: &ImageFeatures| {
+        image
             .unreadable
             .clone()
-            .map_or(Ok(picture.features.keypoints.len()), Err)
+            .map_or(Ok(image.features.keypoints.len()), Err)
     };
-    pictures.iter().map(one).collect()
+    images.iter().map(one).collect()
 }
 
 /// Returns how many points an image sees and the median of their reprojection errors in pixels;

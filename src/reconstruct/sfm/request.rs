@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use super::extract::AllowedPixels;
 use super::{
-    FeatureExtractor, FeatureMatcher, KeypointId, MapProblem, MapperOptions, MetricScale, Outcome,
-    PairOptions, PictureFeatures, SparseModel, Start,
+    FeatureExtractor, FeatureMatcher, ImageFeatures, KeypointId, MapProblem, MapperOptions,
+    MetricScale, Outcome, PairOptions, SparseModel, Start,
 };
 use ostra_frames::cameras::{SparseKeypoint, SparsePoint, SparsePoints};
 use ostra_frames::{Frame, FrameCamera};
@@ -101,7 +101,7 @@ pub fn frame_cameras(
 pub fn sparse_points(
     problem: &MapProblem,
     model: &SparseModel,
-    pictures: &[PictureFeatures],
+    images: &[ImageFeatures],
     chosen: &[usize],
 ) -> SparsePoints {
     let mut sparse = SparsePoints::default();
@@ -114,7 +114,7 @@ pub fn sparse_points(
             .sum();
         let mut color = [0u32; 3];
         for keypoint in &point.track {
-            let seen = pictures[keypoint.image as usize].colors[keypoint.index as usize];
+            let seen = images[keypoint.image as usize].colors[keypoint.index as usize];
             color = std::array::from_fn(|i| color[i] + u32::from(seen[i]));
             let at_px = problem.images[keypoint.image as usize].keypoints[keypoint.index as usize];
             let keypoints = sparse
@@ -126,11 +126,11 @@ pub fn sparse_points(
                 point: Some(number),
             });
         }
-        let sightings = point.track.len();
+        let observations = point.track.len();
         sparse.points.push(SparsePoint {
             position: point.position,
-            color: color.map(|sum| (sum / sightings as u32) as u8),
-            error_px: Some(errors / sightings as f64),
+            color: color.map(|sum| (sum / observations as u32) as u8),
+            error_px: Some(errors / observations as f64),
         });
     }
     sparse

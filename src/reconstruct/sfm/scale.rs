@@ -139,7 +139,7 @@ mod tests {
 
     use super::*;
     use ostra_frames::cameras::{SparseKeypoint, SparsePoint};
-    use ostra_frames::{DepthSource, Orientation, PictureSource};
+    use ostra_frames::{DepthSource, ImageSource, Orientation};
     use ostra_geometry::{Camera, Pose};
 
     /// Returns a frame of 8 × 6 pixels with a depth of 2 m everywhere.
@@ -151,7 +151,7 @@ mod tests {
             Orientation::default(),
         );
         depth.save(&path).unwrap();
-        let picture = PictureSource::File {
+        let image = ImageSource::File {
             path: folder.join(format!("c{number}.png")),
             orientation,
         };
@@ -165,7 +165,7 @@ mod tests {
             name: format!("c{number}.png"),
             width: 8,
             height: 6,
-            picture,
+            image,
             depth,
             camera: None,
         }

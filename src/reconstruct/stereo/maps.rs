@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::Vec3;
 
-use super::patchmatch::{Found, Picture, Plane};
+use super::patchmatch::{Plane, PlaneMap, PosedImage};
 use ostra_cloud::SceneError;
 use ostra_geometry::Camera;
 
@@ -27,9 +27,9 @@ pub struct DepthEstimate {
 impl DepthEstimate {
     /// Converts the result of a search.
     #[must_use]
-    pub fn new(found: &Found, picture: &Picture) -> Self {
-        let raster = picture.raster(0);
-        let mut estimate = Self::empty(picture.camera);
+    pub fn new(found: &PlaneMap, image: &PosedImage) -> Self {
+        let raster = image.raster(0);
+        let mut estimate = Self::empty(image.camera);
         for (at, (plane, &cost)) in found.planes.iter().zip(&found.costs).enumerate() {
             if plane.inverse_depth > 0.0 {
                 let normal = plane.normal(
@@ -82,8 +82,8 @@ impl DepthEstimate {
 
     /// Returns the planes of all pixels and their costs, as a search returns them; no plane where depth is unknown.
     #[must_use]
-    pub fn found(&self, picture: &Picture) -> Found {
-        let raster = picture.raster(0);
+    pub fn found(&self, image: &PosedImage) -> PlaneMap {
+        let raster = image.raster(0);
         let width = self.width().max(1);
         let plane = |at: usize| match self.depths[at] {
             depth if depth > 0.0 => Plane::from_normal(
@@ -100,7 +100,7 @@ impl DepthEstimate {
             .iter()
             .map(|&confidence| 1.0 - f32::from(confidence) / 255.0)
             .collect();
-        Found {
+        PlaneMap {
             width: self.width(),
             height: self.height(),
             planes: (0..self.depths.len()).map(plane).collect(),
@@ -144,11 +144,11 @@ pub trait DepthStore: Sync {
 
 /// Stores depths in memory: 8 bytes per pixel and stage.
 #[derive(Debug, Default)]
-pub struct MemoryDepths {
+pub struct InMemoryDepthStore {
     estimates: Mutex<BTreeMap<(Stage, usize), Arc<DepthEstimate>>>,
 }
 
-impl DepthStore for MemoryDepths {
+impl DepthStore for InMemoryDepthStore {
     fn load(&self, frame: usize, stage: Stage) -> Result<Option<Arc<DepthEstimate>>, SceneError> {
         let estimates = self
             .estimates

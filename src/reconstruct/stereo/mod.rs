@@ -18,7 +18,7 @@ pub use error::StereoError;
 pub use filter::FilterOptions;
 pub use fusion::{Contributor, DenseCloud, FusedView, FusionOptions, fuse_depths};
 pub use gpu::Engine;
-pub use maps::{DepthEstimate, DepthStore, MemoryDepths, Stage};
+pub use maps::{DepthEstimate, DepthStore, InMemoryDepthStore, Stage};
 pub use pipeline::{RasterMask, StereoOptions, StereoRequest, ViewOutcome, estimate_depths};
 pub use raster::{raster_camera, raster_image};
 pub use select::{SelectOptions, SourceView, select_sources};

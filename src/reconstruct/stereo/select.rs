@@ -72,13 +72,13 @@ pub fn select_sources(
         .for_each(|(at, &view)| place[view] = Some(at));
     let mut tallies = vec![Tallies::new(); views.len()];
     for (point, track) in sparse.points.iter().zip(&tracks) {
-        let mut seen: Vec<(usize, Sight)> = track
+        let mut seen: Vec<(usize, PointView)> = track
             .iter()
             .filter_map(|&(frame, index)| {
                 let at = (*place.get(frame)?)?;
                 Some((
                     at,
-                    Sight::new(
+                    PointView::new(
                         &frames[frame],
                         point.position,
                         sparse.keypoints[&frame][index as usize].at_px,
@@ -121,14 +121,14 @@ fn ranked(tallies: &Tallies, views: &[usize], options: &SelectOptions) -> Vec<So
 }
 
 /// A point as one view sees it.
-struct Sight {
+struct PointView {
     towards: DVec3,
     /// Pixels per world unit at the point, as a share of the image's longer side.
     scale: f64,
     cell: usize,
 }
 
-impl Sight {
+impl PointView {
     fn new(frame: &Frame, position: DVec3, at_px: glam::DVec2) -> Option<Self> {
         let (camera, pose) = frame.posed_camera()?;
         let depth = pose.transform(position).z;
@@ -154,7 +154,7 @@ struct Tally {
 }
 
 impl Tally {
-    fn add(&mut self, from: &Sight, to: &Sight, [least, best, most]: [f64; 3]) {
+    fn add(&mut self, from: &PointView, to: &PointView, [least, best, most]: [f64; 3]) {
         let angle = from
             .towards
             .dot(to.towards)

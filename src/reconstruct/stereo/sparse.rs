@@ -14,7 +14,7 @@ use ostra_core::union_find::DisjointSets;
 use ostra_frames::cameras::{SparseKeypoint, SparsePoint, SparsePoints};
 use ostra_frames::{Frame, FrameStore};
 use ostra_geometry::{
-    Camera, Pose, Sighting, TriangulationOptions, essential_from_pose, fundamental_in_pixels,
+    Camera, Pose, RayObservation, TriangulationOptions, essential_from_pose, fundamental_in_pixels,
     triangulate_robust,
 };
 
@@ -194,12 +194,12 @@ fn add_point(
     track: &[(usize, usize)],
     options: &SparseOptions,
 ) {
-    let sightings: Vec<Sighting<'_>> = track
+    let observations: Vec<RayObservation<'_>> = track
         .iter()
         .map(|&(view, keypoint)| {
             let at_px = views[view].features.keypoints[keypoint];
             let camera = &views[view].camera;
-            Sighting {
+            RayObservation {
                 camera,
                 camera_from_world: &views[view].pose,
                 at_px,
@@ -211,7 +211,7 @@ fn add_point(
         max_error_px: options.max_error_px,
         min_angle: options.min_angle_deg.to_radians(),
     };
-    let Some(made) = triangulate_robust(&sightings, &rule) else {
+    let Some(made) = triangulate_robust(&observations, &rule) else {
         return;
     };
     let number = sparse.points.len() as u32;

@@ -124,7 +124,7 @@ impl CameraWork {
         }
         save(&sparse_path(&self.root, self.version), frames, &result)?;
         sync_folder(&self.root.join("versions"))?;
-        let coordinates = match result.is_anchored && poses == Poses::Kept {
+        let coordinates = match result.is_keyframeed && poses == Poses::Kept {
             true => self.project.coordinates(),
             false => Coordinates::chosen_with(self.version, result.is_metric),
         };
@@ -153,19 +153,19 @@ impl CameraWork {
     fn poses(&self) -> Poses {
         match self.finder {
             Finder::Sfm(poses) => poses,
-            Finder::Rgbd => Poses::Anew,
+            Finder::Rgbd => Poses::FromScratch,
         }
     }
 
     fn by_depth(&self, context: &JobContext<Session>) -> Result<(RgbdResult, Vec<Calibration>)> {
-        context.progress.stage("compare pictures with depths")?;
+        context.progress.stage("compare images with depth maps")?;
         let calibrations = calibrate(&self.project.frames, &self.store, &context.progress)?;
         let frames = calibrated(&self.project.frames, &calibrations);
         let (chosen, between): (Vec<usize>, Vec<usize>) =
             (0..self.project.frames.len()).partition(|&frame| frame % self.request.every == 0);
         let placed = PlacedFrames {
             frames: &frames,
-            pictures: &self.store,
+            images: &self.store,
             sink: context,
         };
         let rgbd_request = RgbdRequest {

@@ -19,7 +19,7 @@ use ostra_core::job::JobId;
 use ostra_core::job::Progress;
 use ostra_frames::FrameStore;
 use ostra_masks::{LabelId, LabelMask, Region, RunMask};
-use ostra_project::mask_edits::{anchor_of, label_name, mask_of};
+use ostra_project::mask_edits::{keyframe_of, label_name, mask_of};
 use ostra_project::reusable_votes::ReusableVotes;
 use ostra_project::store::{cloud_path, keep_mesh, sync_folder, version_in_force, votes_path};
 use ostra_project::voted_cloud::{VotedCloud, save_votes};
@@ -189,7 +189,7 @@ impl Correcting {
                 ..*mask
             })
         };
-        self.given_back(&seeing, &frames, correction.as_anchors, give, progress)
+        self.given_back(&seeing, &frames, correction.as_keyframes, give, progress)
     }
 
     /// Returns the current cloud's points with labels voted by the masks of a project.
@@ -226,7 +226,7 @@ impl Correcting {
         &self,
         seeing: &SeeingPixels<'_>,
         frames: &[usize],
-        as_anchors: bool,
+        as_keyframes: bool,
         change: impl Fn(usize, &LabelMask, Region) -> Option<LabelMask>,
         progress: &Progress,
     ) -> Result<Corrected> {
@@ -248,7 +248,7 @@ impl Correcting {
                     project,
                     number,
                     Arc::new(RunMask::encode(&mask)),
-                    as_anchors,
+                    as_keyframes,
                 )
             }));
         }
@@ -292,7 +292,7 @@ impl Correcting {
         save_ply(
             &cloud_path(&self.root, version),
             &fused.cloud,
-            Coloring::Picture,
+            Coloring::Image,
             progress,
         )?;
         save_votes(&votes_path(&self.root, version), &fused.votes)?;
@@ -345,15 +345,20 @@ impl Correcting {
 /// Returns the edit that gives a frame other runs after a correction in 3-D.
 ///
 /// Returns `None` if nothing changes. Locked labels keep their pixels. Labels marked as absent
-/// return only with `as_anchor`.
-fn mask_edit(project: &Project, frame: usize, runs: Arc<RunMask>, as_anchor: bool) -> Option<Edit> {
+/// return only with `as_keyframe`.
+fn mask_edit(
+    project: &Project,
+    frame: usize,
+    runs: Arc<RunMask>,
+    as_keyframe: bool,
+) -> Option<Edit> {
     let before = project.masks.get(&frame);
-    let mask = if as_anchor {
-        anchor_of(project.with_locks(frame, runs))
+    let mask = if as_keyframe {
+        keyframe_of(project.with_locks(frame, runs))
     } else {
         let nothing = || FrameMask {
             origin: MaskOrigin::Tracked,
-            ..anchor_of(Arc::clone(&runs))
+            ..keyframe_of(Arc::clone(&runs))
         };
         let kept = FrameMask {
             runs: Arc::clone(&runs),

@@ -20,7 +20,7 @@ use ostra_cloud::ply::read_ply;
 use ostra_core::job::JobId;
 use ostra_core::job::Progress;
 use ostra_frames::cameras::{ModelEncoding, SparsePoints, with_text_names, write_colmap_model};
-use ostra_frames::{FilmOptions, Image, write_film};
+use ostra_frames::{Image, TurntableOptions, write_turntable};
 use ostra_masks::{Label, LabelId, LabelTree};
 use ostra_project::export_targets::ExportTargets;
 use ostra_project::store::{cloud_path, mesh_path, read_sparse, version_in_force, votes_path};
@@ -62,7 +62,7 @@ impl Session {
     /// # Errors
     ///
     /// Returns the errors of [`Self::check_export`].
-    pub fn write_picture(
+    pub fn write_image(
         &mut self,
         path: &Path,
         overwrite: bool,
@@ -75,7 +75,7 @@ impl Session {
             ExportTargets::write_files(std::slice::from_ref(&path), || write(&path))?;
             Ok(Box::new(move |session: &mut Self| {
                 session.events.push(Event::Notice(format!(
-                    "picture written to {}",
+                    "image written to {}",
                     path.display()
                 )));
                 Ok(())
@@ -83,30 +83,31 @@ impl Session {
         }))
     }
 
-    /// Writes a video on a worker thread, like [`Self::write_picture`].
+    /// Writes a video on a worker thread, like [`Self::write_image`].
     ///
     /// `draw` returns the image with the given number.
     ///
     /// # Errors
     ///
     /// Returns the errors of [`Self::check_export`].
-    pub fn write_film(
+    pub fn write_turntable(
         &mut self,
         path: &Path,
-        options: FilmOptions,
+        options: TurntableOptions,
         overwrite: bool,
         draw: impl Fn(usize) -> Image + Send + 'static,
     ) -> Result<JobId> {
         self.check_export(path, overwrite)?;
         let path = path.to_owned();
         Ok(self.start("Save video", JobKind::Short, move |context| {
-            context.progress.stage("write film")?;
-            let write = || Ok(write_film(&path, &options, draw, &context.progress)?);
+            context.progress.stage("write video")?;
+            let write = || Ok(write_turntable(&path, &options, draw, &context.progress)?);
             ExportTargets::write_files(std::slice::from_ref(&path), write)?;
             Ok(Box::new(move |session: &mut Self| {
-                session
-                    .events
-                    .push(Event::Notice(format!("film written to {}", path.display())));
+                session.events.push(Event::Notice(format!(
+                    "video written to {}",
+                    path.display()
+                )));
                 Ok(())
             }) as JobCompletion)
         }))

@@ -17,7 +17,7 @@ use ostra_core::disk::{self, AtomicFile};
 use ostra_core::job::Progress;
 use ostra_frames::cameras::{ModelEncoding, SparsePoints, with_text_names, write_colmap_model};
 use ostra_frames::{
-    DepthMap, Frame, FrameCamera, FrameError, FrameStore, Image, Orientation, PictureSource,
+    DepthMap, Frame, FrameCamera, FrameError, FrameStore, Image, ImageSource, Orientation,
 };
 use ostra_masks::{RunMask, encode_palette_png};
 use ostra_project::Project;
@@ -95,7 +95,7 @@ fn pinhole(frame: &Frame, stem: &str) -> Frame {
     };
     Frame {
         name: format!("{stem}.png"),
-        picture: PictureSource::File {
+        image: ImageSource::File {
             path: PathBuf::new(),
             orientation: Orientation::default(),
         },

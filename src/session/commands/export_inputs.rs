@@ -116,7 +116,7 @@ pub(super) fn check(request: &ExportRequest, sources: &Sources) -> Result<()> {
     );
     ensure!(
         depths.is_none() || frames.iter().any(|frame| frame.depth.is_some()),
-        "no frame has depth; give depth pictures first"
+        "no frame has depth; give depth images first"
     );
     mask_format(request)?;
     check_unit(request, sources)?;
@@ -248,22 +248,22 @@ pub(super) fn outdated(request: &ExportRequest, sources: &Sources) -> Option<Str
     let of_points = [&request.cloud, &request.voxels, &request.traits]
         .into_iter()
         .any(Option::is_some);
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     if of_points && sources.follows {
-        told.push("the cloud has the labels of now but the points that were fused");
+        reported.push("labels are up to date, but the points are from the last fusion");
     } else if of_points {
-        told.push("the cloud is written as it was fused");
+        reported.push("the cloud is written as it was fused");
     }
     if request.mesh.is_some() {
-        told.push("the mesh is written as it was fused");
+        reported.push("the mesh is written as it was fused");
     }
     let text = || {
         format!(
             "{}, and something that it was made from has changed since; fuse again",
-            told.join(", ")
+            reported.join(", ")
         )
     };
-    (!told.is_empty()).then(text)
+    (!reported.is_empty()).then(text)
 }
 
 pub(super) fn mask_format(request: &ExportRequest) -> Result<MaskFormat> {

@@ -57,14 +57,14 @@ pub(super) fn write_mesh(
     let (mesh, warning) = simple.unwrap_or((whole, None));
     progress.stage("write mesh")?;
     make_folder_of(path)?;
-    format.save(path, &mesh, Coloring::Picture, progress)?;
+    format.save(path, &mesh, Coloring::Image, progress)?;
     if request.twin {
         format.save(&twin_path(path), &mesh, Coloring::Labels, progress)?;
     }
     if request.per_label {
         let files = label_paths(path, &mesh.vertices);
         for (id, part) in mesh.by_label() {
-            format.save(&files[&id], &part, Coloring::Picture, progress)?;
+            format.save(&files[&id], &part, Coloring::Image, progress)?;
         }
     }
     Ok(warning
@@ -140,14 +140,12 @@ fn write_points(
     make_folder_of(path)?;
     let coarse = request.level.map(|level| cloud.at_level(level));
     let cloud = coarse.as_ref().unwrap_or(cloud);
-    save(path, cloud, Coloring::Picture)?;
+    save(path, cloud, Coloring::Image)?;
     if request.twin {
         save(&twin_path(path), cloud, Coloring::Labels)?;
     }
     if request.per_label {
-        save_per_label(path, cloud, |path, part| {
-            save(path, part, Coloring::Picture)
-        })?;
+        save_per_label(path, cloud, |path, part| save(path, part, Coloring::Image))?;
     }
     Ok(())
 }

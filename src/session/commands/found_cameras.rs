@@ -14,18 +14,18 @@ use std::time::Duration;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Poses {
     /// All poses are estimated again.
-    Anew,
+    FromScratch,
     /// They are kept, and the other frames are registered to them.
     Kept,
 }
 
 /// Maximum number of individual warnings about frames that were left out.
-pub(super) const TOLD: usize = 20;
+pub(super) const REPORTED: usize = 20;
 
 /// Returns the first lines about frames left out, and one about how many more there are.
 pub fn left_out(mut lines: Vec<String>, lacking: &str) -> Vec<String> {
-    let more = lines.len().saturating_sub(TOLD);
-    lines.truncate(TOLD);
+    let more = lines.len().saturating_sub(REPORTED);
+    lines.truncate(REPORTED);
     if more > 0 {
         lines.push(format!("{more} more frames have no {lacking}"));
     }
@@ -46,7 +46,7 @@ pub struct Cameras {
     /// Calibrations of images that were found to be misaligned with their depths.
     pub(super) calibrations: Vec<Calibration>,
     /// Whether the cameras are in the coordinates of poses that were kept.
-    pub(super) is_anchored: bool,
+    pub(super) is_keyframeed: bool,
     /// Whether lengths are metres, for cameras that are not anchored.
     pub(super) is_metric: bool,
     /// Warnings for the user.
@@ -57,7 +57,7 @@ pub struct Cameras {
 impl From<SfmResult> for Cameras {
     fn from(result: SfmResult) -> Self {
         let (engine, settings) = (ResultEngine::Sfm, settings(&result));
-        let (is_anchored, is_metric) = (result.start == Start::Given, result.scale.is_some());
+        let (is_keyframeed, is_metric) = (result.start == Start::Given, result.scale.is_some());
         let SfmResult {
             cameras,
             sparse,
@@ -75,7 +75,7 @@ impl From<SfmResult> for Cameras {
             outcomes,
             links,
             calibrations,
-            is_anchored,
+            is_keyframeed,
             is_metric,
             warnings,
             stopped,
@@ -92,15 +92,15 @@ impl From<(RgbdResult, Vec<Calibration>)> for Cameras {
             stopped,
         } = result;
         let held = links.iter().filter(|link| link.holds).count();
-        let contradicted = links.len() - held;
+        let vote_mismatch = links.len() - held;
         let begun = if stopped { "stopped with " } else { "" };
         let mut settings = format!(
             "{begun}{} of {} frames by depth, {held} links",
             cameras.len(),
             outcomes.len()
         );
-        if contradicted > 0 {
-            settings += &format!(", {contradicted} contradicted by the others");
+        if vote_mismatch > 0 {
+            settings += &format!(", {vote_mismatch} contradicted by the others");
         }
         calibrations
             .iter()
@@ -113,7 +113,7 @@ impl From<(RgbdResult, Vec<Calibration>)> for Cameras {
             outcomes,
             links,
             calibrations,
-            is_anchored: false,
+            is_keyframeed: false,
             is_metric: true,
             warnings: Vec::new(),
             stopped,
@@ -139,7 +139,7 @@ pub fn edits(project: &Project, result: &Cameras, poses: Poses, record: ResultRe
         frame,
         depth: calibrated[frame].depth.clone(),
     }));
-    if matches!(poses, Poses::Anew) {
+    if matches!(poses, Poses::FromScratch) {
         edits.push(Edit::SetOrigin {
             origin: glam::DVec3::ZERO,
         });
@@ -178,13 +178,15 @@ pub(super) fn camera(
     match (found, poses) {
         (Some(found), _) => Some(*found),
         (None, Poses::Kept) => known.camera,
-        (None, Poses::Anew) => known
-            .camera
-            .filter(|camera| !camera.estimated)
-            .map(|camera| FrameCamera {
-                camera_from_world: None,
-                ..camera
-            }),
+        (None, Poses::FromScratch) => {
+            known
+                .camera
+                .filter(|camera| !camera.estimated)
+                .map(|camera| FrameCamera {
+                    camera_from_world: None,
+                    ..camera
+                })
+        }
     }
 }
 

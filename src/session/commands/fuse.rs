@@ -75,7 +75,7 @@ impl Session {
             save_ply(
                 &cloud_path(&root, version),
                 &fused.cloud,
-                Coloring::Picture,
+                Coloring::Image,
                 &context.progress,
             )?;
             save_votes(&votes_path(&root, version), &fused.votes)?;
@@ -217,7 +217,7 @@ fn make_points(
 ///
 /// They are those of the cameras, unless the depths were made in other coordinates.
 fn coordinates(project: &Project, version: u64) -> Coordinates {
-    let is_stereo = |frame: &Frame| matches!(frame.depth, Some(DepthSource::Made { .. }));
+    let is_stereo = |frame: &Frame| matches!(frame.depth, Some(DepthSource::Estimated { .. }));
     match has_stale_depths(project) && project.frames.iter().any(is_stereo) {
         true => Coordinates::chosen_with(version, false),
         false => project.coordinates(),
@@ -237,16 +237,21 @@ impl OntoScale {
             warning: None,
         };
         let last = project.results.get(&ResultKind::Cloud).and_then(|record| {
-            let asked = record
+            let requested = record
                 .request
                 .as_ref()
-                .filter(|asked| asked.onto == request.onto)?;
-            Some((record, asked, asked.onto.as_deref()?, record.scaled?))
+                .filter(|requested| requested.onto == request.onto)?;
+            Some((
+                record,
+                requested,
+                requested.onto.as_deref()?,
+                record.scaled?,
+            ))
         });
-        let Some((record, asked, path, factor)) = last else {
+        let Some((record, requested, path, factor)) = last else {
             return Ok(nothing);
         };
-        if record.geometry.as_ref() == Some(&geometry_digest(project, asked)?) {
+        if record.geometry.as_ref() == Some(&geometry_digest(project, requested)?) {
             return Ok(Self {
                 factor: Some(factor),
                 ..nothing
@@ -314,7 +319,7 @@ fn dense_cloud(
     )?;
     ensure!(
         !cloud.is_empty(),
-        "the depth maps agree on no point; look at them, and reconstruct with more pictures"
+        "the depth maps do not agree on any point; check them, and reconstruct with more images"
     );
     let (cloud, voxel) = match voxel {
         Some(voxel) => (cloud.thinned(voxel)?, Some(voxel)),

@@ -21,7 +21,7 @@ impl Session {
         let frame = project.frame(request.frame)?.clone();
         ensure!(
             !request.phrases.is_empty(),
-            "there is no word to look for; name what is to be found"
+            "there is nothing to search for; enter one or more words"
         );
         request.grounder.installed()?;
         let (store, request) = (Arc::clone(&self.store), request.clone());

@@ -39,7 +39,7 @@ impl Correcting {
         let name = label_name(project, request.label)?;
         ensure!(
             !found.labels.is_empty(),
-            "no points of label '{name}' hang together; its points may carry labels below it, or ask for fewer points"
+            "label '{name}' has no connected group of enough points; its points may have labels below it, or lower the minimum number of points"
         );
         let mut edits: Vec<Edit> = found
             .labels
@@ -84,11 +84,11 @@ fn split_masks(
         };
         let runs = RunMask::encode(&split);
         let shown: Vec<LabelId> = runs.extents().into_keys().collect();
-        edits.extend(changed(project, frame, mask, runs, |sure| {
-            let of_label = sure.get(&label).copied();
+        edits.extend(changed(project, frame, mask, runs, |confidence| {
+            let of_label = confidence.get(&label).copied();
             let new = shown.iter().filter(|id| labels.contains(id));
-            sure.extend(new.filter_map(|&id| Some((id, of_label?))));
-            sure.retain(|id, _| shown.contains(id));
+            confidence.extend(new.filter_map(|&id| Some((id, of_label?))));
+            confidence.retain(|id, _| shown.contains(id));
         }));
     }
     Ok(edits)

@@ -11,7 +11,7 @@ use ostra_masks::{
     Imported, MaskFormat, MaskFrame, RunMask, export_masks, file_stems, import_masks,
 };
 use ostra_project::export_targets::ExportTargets;
-use ostra_project::mask_edits::anchor_of;
+use ostra_project::mask_edits::keyframe_of;
 use ostra_project::{Edit, Project};
 
 impl Session {
@@ -47,7 +47,7 @@ impl Session {
             let runs = project.with_locks(frame, Arc::new(runs));
             Edit::SetMask {
                 frame,
-                mask: Some(anchor_of(runs)),
+                mask: Some(keyframe_of(runs)),
             }
         });
         let masks: Vec<Edit> = masks.collect();

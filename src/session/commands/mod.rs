@@ -1,7 +1,7 @@
 //! The implementation of each `Command`: one file per group, each an `impl Session`.
 
 mod accept;
-mod adopt;
+mod attach;
 mod cameras;
 mod correct;
 mod export;
@@ -28,4 +28,4 @@ mod suggest;
 mod surface;
 mod track;
 
-pub use crate::track_run::{carried, track_request};
+pub use crate::track_run::{track_request, transferred};

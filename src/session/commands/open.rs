@@ -11,7 +11,7 @@ use ostra_cloud::ply::read_ply;
 use ostra_core::job::JobId;
 use ostra_core::job::Progress;
 use ostra_frames::cameras::{GivenCameras, attach_intrinsics};
-use ostra_frames::{self, Frame, FrameStore, OpenRequest, Opened, PictureSource};
+use ostra_frames::{self, Frame, FrameStore, ImageSource, OpenRequest, Opened};
 use ostra_project::OpenProject;
 use ostra_project::store::{Folder, Loaded, LockError};
 use ostra_project::{Coordinates, Edit, Project};
@@ -61,16 +61,15 @@ impl Session {
             root.display()
         );
         Ok(self.start("Open project", JobKind::Short, move |context| {
-            let mut loaded =
-                Folder::view(&root, "it was opened only to look at it", &context.progress)?;
+            let mut loaded = Folder::view(&root, "it was opened read-only", &context.progress)?;
             let warnings = std::mem::take(&mut loaded.warnings);
             Ok(take_open(OpenProject::loaded(loaded), warnings))
         }))
     }
 
     pub(crate) fn inspect(&mut self, path: &Path) -> Result<JobId> {
-        let path =
-            std::path::absolute(path).with_context(|| format!("{}: is no path", path.display()))?;
+        let path = std::path::absolute(path)
+            .with_context(|| format!("{}: is not a valid path", path.display()))?;
         Ok(self.start("Open cloud", JobKind::Short, move |context| {
             let read = read_ply(&path, &context.progress)?;
             Ok(Box::new(move |session: &mut Self| {
@@ -209,7 +208,7 @@ fn in_scene_scale(mut frames: Vec<Frame>, project: &Project) -> Vec<Frame> {
 }
 
 fn full_path(path: &Path) -> Result<std::path::PathBuf> {
-    absolute(path).with_context(|| format!("{}: is no path", path.display()))
+    absolute(path).with_context(|| format!("{}: is not a valid path", path.display()))
 }
 
 fn with_frames(mut project: Project, frames: Vec<Frame>) -> Result<Project> {
@@ -257,7 +256,7 @@ fn check_seen(frames: &[Frame]) -> Result<()> {
     let name = unseen.map_or("", |frame| &frame.name);
     ensure!(
         unseen.is_none(),
-        "frame {name}: with the depths' camera goes the pictures'; give that too (--intrinsics, or --cameras of all frames)"
+        "frame {name}: a depth camera needs the image's camera too; give it (--intrinsics, or --cameras of all frames)"
     );
     Ok(())
 }
@@ -322,9 +321,9 @@ fn with_free_names(mut frames: Vec<Frame>, project: &Project) -> Result<Vec<Fram
 }
 
 fn longer_name(frame: &Frame, more: usize) -> String {
-    let (path, below) = match &frame.picture {
-        PictureSource::File { path, .. } => (path, 0),
-        PictureSource::Film { path, .. } => (path, 1),
+    let (path, below) = match &frame.image {
+        ImageSource::File { path, .. } => (path, 0),
+        ImageSource::Video { path, .. } => (path, 1),
     };
     let parts: Vec<_> = path
         .iter()

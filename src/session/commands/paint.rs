@@ -2,14 +2,14 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 
+use crate::{CleanRequest, MoveBorderRequest, PaintRequest, Session, TraceRequest};
 use crate::{Event, JobCompletion, JobKind};
-use crate::{PaintRequest, PullRequest, Session, TidyRequest, TraceRequest};
 use ostra_core::job::JobId;
 use ostra_frames::Frame;
 use ostra_masks::{
     PaintRule, Region, assign, erase, fill_polygons, pull, snapped_stroke, stroke, tidy, trace,
 };
-use ostra_project::mask_edits::{anchor_of, by_hand, check_unlocked, label_name, mask_of};
+use ostra_project::mask_edits::{by_hand, check_unlocked, keyframe_of, label_name, mask_of};
 use ostra_project::{Edit, MaskOrigin};
 
 impl Session {
@@ -63,9 +63,9 @@ impl Session {
     }
 
     /// Drags the border of a label on a frame; nothing happens if no pixel changes.
-    pub(crate) fn pull(&mut self, request: &PullRequest) -> Result<()> {
+    pub(crate) fn pull(&mut self, request: &MoveBorderRequest) -> Result<()> {
         let project = self.snapshot()?;
-        let PullRequest {
+        let MoveBorderRequest {
             frame,
             label,
             from_px,
@@ -92,19 +92,19 @@ impl Session {
         self.commit(&format!("Pull border of {name} on frame {frame}"), edits)
     }
 
-    pub(crate) fn make_anchor(&mut self, frame: usize) -> Result<()> {
+    pub(crate) fn make_keyframe(&mut self, frame: usize) -> Result<()> {
         let project = self.snapshot()?;
         project.frame(frame)?;
         let mask = project
             .masks
             .get(&frame)
             .with_context(|| format!("frame {frame} has no mask; prompt or track first"))?;
-        if mask.origin == MaskOrigin::Anchor {
-            bail!("frame {frame} is an anchor already");
+        if mask.origin == MaskOrigin::Keyframe {
+            bail!("frame {frame} is a keyframe already");
         }
-        let mask = anchor_of(Arc::clone(&mask.runs));
+        let mask = keyframe_of(Arc::clone(&mask.runs));
         self.commit(
-            &format!("Make frame {frame} an anchor"),
+            &format!("Make frame {frame} a keyframe"),
             vec![Edit::SetMask {
                 frame,
                 mask: Some(mask),
@@ -162,7 +162,7 @@ impl Session {
         self.commit(&format!("Trace {name} on frame {}", request.frame), edits)
     }
 
-    pub(crate) fn tidy(&mut self, request: &TidyRequest) -> Result<()> {
+    pub(crate) fn tidy(&mut self, request: &CleanRequest) -> Result<()> {
         let project = self.snapshot()?;
         let (name, frame) = (label_name(&project, request.label)?, request.frame);
         check_unlocked(&project, frame, request.label)?;

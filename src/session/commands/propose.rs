@@ -26,26 +26,28 @@ impl Session {
             Arc::clone(&self.prompting.prepared),
             Arc::clone(&self.store),
         );
-        Ok(self.start(JobTask::Propose, JobKind::Short, move |context| {
-            let ready = prepared.get(segmenter.as_ref(), &of, &store, &context.progress)?;
-            context.progress.stage("propose")?;
-            let proposals = ready.proposals(&context.progress)?;
-            let needs = || {
-                format!(
-                    "'{}' only answers prompts; install Segment Anything to have things proposed",
-                    segmenter.name()
-                )
-            };
-            let found = unexplained(&project, frame, proposals.with_context(needs)?);
-            let warning = unread_depth(&of, &store)?;
-            Ok(Box::new(move |session: &mut Self| {
-                session
-                    .events
-                    .push(Event::Notice(format!("{} things proposed", found.len())));
-                session.suggestions = found;
-                session.warn_all(warning.into_iter().collect());
-                Ok(())
-            }) as JobCompletion)
-        }))
+        Ok(
+            self.start(JobTask::Propose, JobKind::Short, move |context| {
+                let ready = prepared.get(segmenter.as_ref(), &of, &store, &context.progress)?;
+                context.progress.stage("propose")?;
+                let proposals = ready.proposals(&context.progress)?;
+                let needs = || {
+                    format!(
+                        "'{}' only answers prompts; install Segment Anything to get proposals",
+                        segmenter.name()
+                    )
+                };
+                let found = unexplained(&project, frame, proposals.with_context(needs)?);
+                let warning = unread_depth(&of, &store)?;
+                Ok(Box::new(move |session: &mut Self| {
+                    session
+                        .events
+                        .push(Event::Notice(format!("{} objects proposed", found.len())));
+                    session.suggestions = found;
+                    session.warn_all(warning.into_iter().collect());
+                    Ok(())
+                }) as JobCompletion)
+            }),
+        )
     }
 }

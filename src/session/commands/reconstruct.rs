@@ -16,7 +16,7 @@ use ostra_project::{Edit, Project, ReconstructMethod, ReconstructRequest, Result
 
 /// How a reconstruction is done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Way {
+enum ReconstructionPlan {
     /// Poses and depths already exist.
     Given,
     /// Cameras are found and depths are made, if requested.
@@ -32,8 +32,10 @@ impl Session {
         self.check_no_long_job()?;
         let project = self.snapshot()?;
         match way(&project, request)? {
-            Way::Given => self.take_given(&project, request),
-            Way::Made { cameras, depths } => self.make(project, request, cameras, depths),
+            ReconstructionPlan::Given => self.take_given(&project, request),
+            ReconstructionPlan::Made { cameras, depths } => {
+                self.make(project, request, cameras, depths)
+            }
         }
     }
 
@@ -128,7 +130,7 @@ impl Session {
     }
 }
 
-fn way(project: &Project, request: &ReconstructRequest) -> Result<Way> {
+fn way(project: &Project, request: &ReconstructRequest) -> Result<ReconstructionPlan> {
     ensure!(request.every > 0, "every 0th frame is none; give 1 or more");
     ensure!(!project.frames.is_empty(), "the project has no frames");
     let posed = project
@@ -138,33 +140,35 @@ fn way(project: &Project, request: &ReconstructRequest) -> Result<Way> {
         .count();
     let missing = match posed {
         _ if project.frames.iter().step_by(request.every).all(is_posed) => None,
-        0 | 1 => Some(Poses::Anew),
+        0 | 1 => Some(Poses::FromScratch),
         _ => Some(Poses::Kept),
     };
     let measured = project.frames.iter().any(Frame::has_sensor_depth);
     match request.method {
-        ReconstructMethod::Auto if measured && missing.is_none() => Ok(Way::Given),
+        ReconstructMethod::Auto if measured && missing.is_none() => Ok(ReconstructionPlan::Given),
         ReconstructMethod::Auto
-            if missing == Some(Poses::Anew) && is_rgbd(project) && !request.only_labelled =>
+            if missing == Some(Poses::FromScratch)
+                && is_rgbd(project)
+                && !request.only_labelled =>
         {
-            Ok(Way::Made {
+            Ok(ReconstructionPlan::Made {
                 cameras: Some(Finder::Rgbd),
                 depths: false,
             })
         }
-        ReconstructMethod::Auto => Ok(Way::Made {
+        ReconstructMethod::Auto => Ok(ReconstructionPlan::Made {
             cameras: missing.map(Finder::Sfm),
             depths: !measured,
         }),
-        ReconstructMethod::Sfm => Ok(Way::Made {
-            cameras: Some(Finder::Sfm(Poses::Anew)),
+        ReconstructMethod::Sfm => Ok(ReconstructionPlan::Made {
+            cameras: Some(Finder::Sfm(Poses::FromScratch)),
             depths: false,
         }),
         // Existing cameras are sufficient. A frame that was left out before does not cause a new
         // search for all.
         ReconstructMethod::Mvs => {
             let cameras = missing.filter(|_| posed < 2).map(Finder::Sfm);
-            Ok(Way::Made {
+            Ok(ReconstructionPlan::Made {
                 cameras,
                 depths: true,
             })
@@ -178,7 +182,7 @@ fn way(project: &Project, request: &ReconstructRequest) -> Result<Way> {
                 !request.only_labelled,
                 "RGB-D registration takes all that the sensor sees; leave out --only-labelled"
             );
-            Ok(Way::Made {
+            Ok(ReconstructionPlan::Made {
                 cameras: Some(Finder::Rgbd),
                 depths: false,
             })

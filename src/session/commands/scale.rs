@@ -7,7 +7,7 @@ use crate::Session;
 use crate::{JobCompletion, JobKind};
 use ostra_cloud::measure::LengthUnit;
 use ostra_core::job::JobId;
-use ostra_geometry::{Sighting, triangulate};
+use ostra_geometry::{RayObservation, triangulate};
 use ostra_project::{Project, ResultKind, ScaleEnd, ScaleRequest};
 
 /// Maximum factor of one step, and of all steps together, because positions are 32-bit floats.
@@ -124,13 +124,13 @@ fn position(project: &Project, end: &ScaleEnd) -> Result<DVec3> {
 }
 
 fn triangulated(project: &Project, seen: &[(usize, DVec2)]) -> Result<DVec3> {
-    let mut sightings = Vec::new();
+    let mut observations = Vec::new();
     for &(number, at_px) in seen {
         let frame = project.frame(number)?;
         let (camera, camera_from_world) = frame.posed_camera().with_context(|| {
             format!("frame {number} has no camera; point at the end on one that has")
         })?;
-        sightings.push(Sighting {
+        observations.push(RayObservation {
             camera,
             camera_from_world,
             at_px,
@@ -138,9 +138,9 @@ fn triangulated(project: &Project, seen: &[(usize, DVec2)]) -> Result<DVec3> {
         });
     }
     ensure!(
-        sightings.len() >= 2,
+        observations.len() >= 2,
         "each end must be pointed at on two frames or more"
     );
-    triangulate(&sightings)
+    triangulate(&observations)
         .context("the frames see an end from nearly the same place; point at it on others")
 }

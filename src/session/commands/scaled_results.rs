@@ -13,10 +13,10 @@ use ostra_cloud::measure::LengthUnit;
 use ostra_cloud::ply::{Coloring, read_mesh, read_ply, save_mesh, save_ply};
 use ostra_core::job::Progress;
 use ostra_frames::cameras::{ModelEncoding, read_sparse_model, write_colmap_model};
-use ostra_frames::{DepthSource, Frame, MadeDepth};
+use ostra_frames::{DepthSource, EstimatedDepth, Frame};
 use ostra_project::reusable_votes::geometry_digest;
 use ostra_project::store::{
-    DepthAccount, DepthFolder, cloud_path, depth_map_path, keep_votes, load_links, load_outcomes,
+    DepthFolder, DepthRunRecord, cloud_path, depth_map_path, keep_votes, load_links, load_outcomes,
     mesh_path, replace, save_links, save_outcomes, sparse_path, sync_folder, version_in_force,
     votes_path,
 };
@@ -89,7 +89,7 @@ impl Scaling {
         {
             pose.translation *= self.factor;
         }
-        if let Some(DepthSource::Made { made, scale }) = &mut frame.depth {
+        if let Some(DepthSource::Estimated { made, scale }) = &mut frame.depth {
             (*made, *scale) = (depth_map_path(self.version, &frame.name), 1.0);
         }
         frame
@@ -128,7 +128,7 @@ impl Scaling {
             .iter()
             .enumerate()
             .filter_map(|(number, frame)| match &frame.depth {
-                Some(DepthSource::Made { made, scale }) => Some((number, made, *scale)),
+                Some(DepthSource::Estimated { made, scale }) => Some((number, made, *scale)),
                 _ => None,
             })
             .collect();
@@ -140,7 +140,7 @@ impl Scaling {
         let scale_map =
             |&(number, made, scale): &(usize, &PathBuf, f64)| -> Result<Option<(usize, String)>> {
                 progress.step(done.fetch_add(1, Ordering::Relaxed), maps.len())?;
-                let mut map = match MadeDepth::read(&self.root.join(made)) {
+                let mut map = match EstimatedDepth::read(&self.root.join(made)) {
                     Ok(map) => map,
                     Err(error) => return Ok(Some((number, error.to_string()))),
                 };
@@ -172,7 +172,7 @@ impl Scaling {
         if let Some(before) = version_in_force(&self.project, ResultKind::Depths) {
             let account = DepthFolder::new(&self.root, before, frames).load_account()?;
             // No run resumes from these depth maps, because they are complete.
-            let account = DepthAccount {
+            let account = DepthRunRecord {
                 key: format!("{} times {}", account.key, self.factor),
                 ..account
             };
@@ -207,7 +207,7 @@ impl Scaling {
         save_ply(
             &cloud_path(root, self.version),
             &cloud,
-            Coloring::Picture,
+            Coloring::Image,
             progress,
         )?;
         keep_votes(root, before, self.version)?;
@@ -220,7 +220,7 @@ impl Scaling {
             save_mesh(
                 &mesh_path(root, self.version),
                 &mesh,
-                Coloring::Picture,
+                Coloring::Image,
                 progress,
             )?;
         }
@@ -292,8 +292,12 @@ impl ScaledResults {
             frame,
             camera: scaled.camera,
         }));
-        let had_made =
-            |number: usize| matches!(now.frames[number].depth, Some(DepthSource::Made { .. }));
+        let had_made = |number: usize| {
+            matches!(
+                now.frames[number].depth,
+                Some(DepthSource::Estimated { .. })
+            )
+        };
         let made = numbered().filter(|&(number, _)| had_made(number));
         edits.extend(made.map(|(frame, scaled)| Edit::SetDepth {
             frame,

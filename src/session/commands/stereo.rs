@@ -19,7 +19,7 @@ use ostra_frames::{DepthSource, Frame, FrameStore};
 use ostra_geometry::Camera;
 use ostra_masks::LabelId;
 use ostra_project::store::{
-    DepthAccount, DepthFolder, depth_map_path, depth_versions, feature_cache_path, load_sparse,
+    DepthFolder, DepthRunRecord, depth_map_path, depth_versions, feature_cache_path, load_sparse,
 };
 use ostra_project::{Edit, Project, ReconstructRequest, ResultKind, ResultRecord};
 use ostra_reconstruct::sfm::{
@@ -62,7 +62,7 @@ pub(super) fn make_depths(work: StereoWork, context: &JobContext<Session>) -> Re
     let key = key(&project, &views, &options, &request)?;
     let version = unfinished(&root, &project, &key).unwrap_or(version);
     let folder = DepthFolder::new(&root, version, &project.frames);
-    let mut account = DepthAccount {
+    let mut account = DepthRunRecord {
         key,
         max_side: options.max_side,
         outcomes: None,
@@ -73,7 +73,7 @@ pub(super) fn make_depths(work: StereoWork, context: &JobContext<Session>) -> Re
     let shown = WatchedDepths {
         depths: &folder,
         frames,
-        pictures: &store,
+        images: &store,
         max_side: options.max_side,
         sink: context,
     };
@@ -130,7 +130,7 @@ impl Session {
         let mut edits = Vec::new();
         for (frame, known) in made_from.frames.iter().enumerate() {
             let path = || depth_map_path(version, &known.name);
-            let depth = made[frame].then(|| DepthSource::Made {
+            let depth = made[frame].then(|| DepthSource::Estimated {
                 made: path(),
                 scale: 1.0,
             });
@@ -237,13 +237,13 @@ fn key(
 ) -> Result<String> {
     let mut digest = Sha256::new();
     let stamp = |frame: &Frame| {
-        let file = std::fs::metadata(frame.picture.path()).ok()?;
+        let file = std::fs::metadata(frame.image.path()).ok()?;
         Some((file.len(), file.modified().ok()?))
     };
     let frames: Vec<_> = project
         .frames
         .iter()
-        .map(|frame| (&frame.name, &frame.picture, &frame.camera, stamp(frame)))
+        .map(|frame| (&frame.name, &frame.image, &frame.camera, stamp(frame)))
         .collect();
     digest.update(serde_json::to_vec(&(frames, views, options))?);
     if request.only_labelled {

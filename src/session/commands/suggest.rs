@@ -18,7 +18,7 @@ use ostra_project::suggestion::Reason;
 use ostra_tracking::flow::{FlowOptions, moving_apart};
 
 /// Maximum number of frames that are searched, spread over those with masks.
-const LOOKED_AT: usize = 16;
+const FRAMES_LOOKED_AT: usize = 16;
 /// Distance in frames over which motion is measured.
 const APART: usize = 3;
 /// Maximum number of suggestions.
@@ -61,21 +61,21 @@ fn suggestions(
 ) -> Result<(Vec<Suggestion>, Option<String>)> {
     progress.stage("suggest")?;
     let frames: Vec<usize> = project.masks.keys().copied().collect();
-    let looks: Vec<usize> = frames
+    let sampled: Vec<usize> = frames
         .iter()
         .copied()
-        .step_by(frames.len().div_ceil(LOOKED_AT))
+        .step_by(frames.len().div_ceil(FRAMES_LOOKED_AT))
         .collect();
     let mut found: Vec<(usize, usize, Unexplained)> = Vec::new();
     let mut unread = BTreeSet::new();
-    for (look, &frame) in looks.iter().enumerate() {
-        progress.step(look, looks.len())?;
+    for (number, &frame) in sampled.iter().enumerate() {
+        progress.step(number, sampled.len())?;
         let all = unexplained_on(project, store, frame, &mut unread)?;
-        found.extend(all.into_iter().map(|one| (look, frame, one)));
+        found.extend(all.into_iter().map(|one| (number, frame, one)));
     }
     if let (true, Some(&first)) = (
-        looks.iter().all(|look| unread.contains(look)),
-        looks.first(),
+        sampled.iter().all(|number| unread.contains(number)),
+        sampled.first(),
     ) {
         let frame = project.frame(first)?;
         store.image(frame)?;

@@ -198,7 +198,7 @@ pub(super) fn save_surface(
     votes: &Votes,
     progress: &Progress,
 ) -> Result<()> {
-    save_mesh(&mesh_path(root, version), mesh, Coloring::Picture, progress)?;
+    save_mesh(&mesh_path(root, version), mesh, Coloring::Image, progress)?;
     save_votes(&mesh_votes_path(root, version), votes)
 }
 

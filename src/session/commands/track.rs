@@ -7,7 +7,7 @@ use anyhow::Result;
 
 use crate::Event;
 use crate::track_run::{
-    Pause, TrackRun, anchors_differ, carried, describe, only_labels, track_request,
+    Pause, TrackRun, describe, keyframes_differ, only_labels, track_request, transferred,
 };
 use crate::{JobCompletion, JobKind};
 use crate::{Session, TrackSettings, engines};
@@ -35,7 +35,7 @@ impl Session {
             context.progress.stage("track")?;
             let mut emit = |tracked: TrackedFrame| {
                 let preliminary = tracked.preliminary;
-                let (frame, mask) = carried(tracked);
+                let (frame, mask) = transferred(tracked);
                 // If the frame is no longer accepted, the tracker notices the stop itself.
                 let _ = context.send(move |session| session.gather(frame, mask, preliminary));
             };
@@ -94,7 +94,7 @@ impl Session {
         } = self.track.as_ref().filter(|run| run.is_of(job))?.pause?;
         let name = label_name(self.project()?, label).ok()?;
         let text = format!(
-            "tracking paused at frame {frame}: '{name}' is {:.0} % sure; correct the frame or make it an anchor, then track on from there",
+            "tracking paused at frame {frame}: '{name}' has {:.0} % confidence; correct the frame or make it a keyframe, then track on from there",
             confidence * 100.0
         );
         Some(Event::Paused {
@@ -124,7 +124,7 @@ impl Session {
         let (job, made_from) = (run.job, Arc::clone(&run.made_from));
         let (mut record, title, choice) = (run.record(), run.title.clone(), run.choice.clone());
         let now = self.snapshot()?;
-        let outdated = anchors_differ(&made_from, &now);
+        let outdated = keyframes_differ(&made_from, &now);
         let marked = |mask: FrameMask| FrameMask {
             stale: outdated,
             ..mask

@@ -6,14 +6,14 @@ use anyhow::Result;
 use super::cloud::CloudState;
 use crate::Event;
 use crate::query::QueryKey;
-use ostra_cloud::doubt::{FrameDoubt, frame_doubt};
+use ostra_cloud::conflicts::{FrameConflict, frame_conflict};
 use ostra_core::job::Progress;
 use ostra_masks::RunMask;
 use ostra_project::Project;
 use ostra_project::voted_cloud::VotedCloud;
 
 /// Conflict of each mask with the vote of all frames, by frame number.
-pub(crate) type Conflicts = BTreeMap<usize, FrameDoubt>;
+pub(crate) type Conflicts = BTreeMap<usize, FrameConflict>;
 
 /// The masks of the frames that voted, and the cloud they are compared with.
 #[derive(Clone)]
@@ -50,7 +50,7 @@ impl PartialEq for ConflictsKey {
 
 impl QueryKey for ConflictsKey {
     const TITLE: &'static str = "compare masks";
-    const EVENT: Option<Event> = Some(Event::DoubtsChanged);
+    const EVENT: Option<Event> = Some(Event::ConflictsChanged);
 
     /// Conflicts with an earlier round of voting are shown until the new ones are ready.
     fn serves(&self, wanted: &Self) -> bool {
@@ -86,7 +86,7 @@ pub(crate) fn find_conflicts(
             Some(known) => known,
             None => {
                 progress.check()?;
-                frame_doubt(&voted.votes, &voted.cloud.labels, frame, &mask.decode())
+                frame_conflict(&voted.votes, &voted.cloud.labels, frame, &mask.decode())
             }
         };
         found.insert(frame, conflict);

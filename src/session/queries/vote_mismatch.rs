@@ -5,7 +5,7 @@ use anyhow::Result;
 use super::cloud::CloudState;
 use crate::query::QueryKey;
 use ostra_cloud::SceneError;
-use ostra_cloud::doubt::contradiction;
+use ostra_cloud::conflicts::mismatch;
 use ostra_cloud::fuse::{naming, readable};
 use ostra_frames::{Frame, FrameStore};
 use ostra_masks::{LabelId, LabelMask, Region, RunMask};
@@ -81,7 +81,7 @@ pub(crate) fn find_vote_mismatch(
     let voted = mask_by_vote(project, store, &by_vote)?.mask;
     let runs = Arc::new(RunMask::encode(&voted));
     let runs = project.in_play(key.frame, &project.with_locks(key.frame, runs));
-    Ok(contradiction(&key.mask.decode(), &runs.decode()))
+    Ok(mismatch(&key.mask.decode(), &runs.decode()))
 }
 
 /// The mask of a frame by the vote of all frames.

@@ -168,6 +168,6 @@ fn cleared_query_ignores_earlier_requests() {
     assert_eq!(bench.start(), Some(key(0, 1)));
     bench.query.clear();
     assert_eq!(bench.end(true), None);
-    assert!(bench.query.latest().is_none() && bench.query.asked().is_none());
+    assert!(bench.query.latest().is_none() && bench.query.requested().is_none());
     assert_eq!(bench.ask(key(0, 1)), None);
 }

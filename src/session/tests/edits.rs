@@ -1,6 +1,6 @@
 use proptest::prelude::*;
 
-use super::making::{anchor, camera, frame, label, mask, project, record, tracked};
+use super::making::{camera, frame, keyframe, label, mask, project, record, tracked};
 use ostra_frames::{DepthSource, FrameSet};
 use ostra_masks::{Click, LabelId, Prompt};
 use ostra_project::{Edit, FrameMask, Marks, MaskOrigin, Project, ResultKind};
@@ -19,7 +19,7 @@ fn any_mask() -> impl Strategy<Value = Option<FrameMask>> {
     let ids = proptest::array::uniform3(0u16..4);
     prop_oneof![
         1 => Just(None),
-        3 => ids.clone().prop_map(|ids| Some(anchor(ids))),
+        3 => ids.clone().prop_map(|ids| Some(keyframe(ids))),
         3 => ids.clone().prop_map(|ids| Some(tracked(ids))),
         1 => (ids, any::<bool>()).prop_map(|(ids, stale)| Some(mask(ids, MaskOrigin::Tracked, stale))),
     ]
@@ -91,7 +91,7 @@ pub fn any_edit() -> impl Strategy<Value = Edit> {
         (number.clone(), proptest::option::of(0.0..2.0)).prop_map(|(frame, scale)| {
             Edit::SetDepth {
                 frame,
-                depth: scale.map(|scale| DepthSource::Made {
+                depth: scale.map(|scale| DepthSource::Estimated {
                     made: "versions/depths-1/a.tiff".into(),
                     scale,
                 }),
@@ -171,13 +171,13 @@ fn invalid_edits_are_rejected() {
         },
         Edit::SetMask {
             frame: 0,
-            mask: Some(anchor([7, 0, 0])),
+            mask: Some(keyframe([7, 0, 0])),
         },
         Edit::SetMask {
             frame: 0,
             mask: Some(FrameMask {
                 stale: true,
-                ..anchor([1, 0, 0])
+                ..keyframe([1, 0, 0])
             }),
         },
         Edit::SetPrompt {
@@ -196,14 +196,14 @@ fn invalid_edits_are_rejected() {
         },
         Edit::SetDepth {
             frame: 0,
-            depth: Some(DepthSource::Made {
+            depth: Some(DepthSource::Estimated {
                 made: "../outside.tiff".into(),
                 scale: 1.0,
             }),
         },
         Edit::SetDepth {
             frame: 0,
-            depth: Some(DepthSource::Made {
+            depth: Some(DepthSource::Estimated {
                 made: "a.tiff".into(),
                 scale: 0.0,
             }),
@@ -225,7 +225,7 @@ fn invalid_edits_are_rejected() {
     let smaller = ostra_masks::RunMask::empty(2, 2);
     let mask = FrameMask {
         runs: smaller.into(),
-        ..anchor([0; 3])
+        ..keyframe([0; 3])
     };
     let error = project
         .apply(Edit::SetMask {
@@ -246,7 +246,7 @@ fn label_in_use_cannot_be_removed() {
     project
         .apply(Edit::SetMask {
             frame: 0,
-            mask: Some(anchor([1, 0, 0])),
+            mask: Some(keyframe([1, 0, 0])),
         })
         .unwrap();
     assert!(

@@ -1,7 +1,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::making::{anchor, perform, pictures, project, record, tracked};
+use super::making::{images, keyframe, perform, project, record, tracked};
 use crate::{Command, NewProject, Session};
 use ostra_cloud::LabelledCloud;
 use ostra_cloud::ply::{Coloring, save_ply};
@@ -38,7 +38,7 @@ fn painted(root: &Path) -> OpenProject {
             "Paint",
             vec![Edit::SetMask {
                 frame,
-                mask: Some(anchor(ids)),
+                mask: Some(keyframe(ids)),
             }],
         )
         .unwrap();
@@ -269,7 +269,7 @@ fn missing_mask_file_is_reported() {
 #[test]
 fn failed_creation_leaves_no_files() {
     let folder = tempfile::tempdir().unwrap();
-    let place = pictures(folder.path());
+    let place = images(folder.path());
     let mut session = Session::new();
     let new = |root: &str, frames: &Path, cameras: Option<PathBuf>| {
         let sources = vec![FrameFolder {
@@ -341,7 +341,7 @@ fn with_cloud(root: &Path, points: usize) {
     save_ply(
         &cloud_path(root, version),
         &cloud,
-        Coloring::Picture,
+        Coloring::Image,
         &Progress::default(),
     )
     .unwrap();

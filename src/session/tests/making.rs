@@ -8,18 +8,18 @@ pub use ostra_project::testing::*;
 use crate::{Command, Event, Session};
 
 /// Writes three small images and returns their folder.
-pub fn pictures(folder: &Path) -> PathBuf {
+pub fn images(folder: &Path) -> PathBuf {
     let place = folder.join("pictures");
     std::fs::create_dir_all(&place).unwrap();
     for k in 0..3u8 {
-        let picture = image::RgbImage::from_fn(64, 48, |x, _| {
+        let image = image::RgbImage::from_fn(64, 48, |x, _| {
             image::Rgb(if (20..40).contains(&x) {
                 [200, 40, 40]
             } else {
                 [30, 60 + k, 90]
             })
         });
-        picture.save(place.join(format!("{k}.png"))).unwrap();
+        image.save(place.join(format!("{k}.png"))).unwrap();
     }
     place
 }

@@ -5,10 +5,10 @@ use std::path::Path;
 
 use glam::DVec2;
 
-use super::making::{perform, pictures};
+use super::making::{images, perform};
 use crate::Event;
 use crate::{
-    Command, NewProject, PaintRequest, PromptRequest, PullRequest, RangeChange, RangeRequest,
+    Command, MoveBorderRequest, NewProject, PaintRequest, PromptRequest, RangeChange, RangeRequest,
     Session,
 };
 use ostra_frames::{FrameFolder, OpenRequest};
@@ -24,7 +24,7 @@ const STONE: LabelId = LabelId(3);
 /// Its labels are plant, leaf below it, and stone.
 fn opened(folder: &Path) -> Session {
     let sources = vec![FrameFolder {
-        frames: pictures(folder),
+        frames: images(folder),
         depth: None,
     }];
     let open = OpenRequest {
@@ -106,7 +106,7 @@ fn prompt_segments_and_an_empty_prompt_removes_the_label() {
     assert_eq!(session.undo_title(), Some("Prompt stone on frame 0"));
     assert_eq!(
         session.project().unwrap().masks[&0].origin,
-        MaskOrigin::Anchor
+        MaskOrigin::Keyframe
     );
     perform(&mut session, click(STONE, &[])).unwrap();
     assert!(
@@ -128,13 +128,13 @@ fn clicks_on_a_drawn_mask_correct_it_until_it_is_removed() {
     perform(&mut session, square(STONE, 24.0, 27.0, true, true)).unwrap();
     let drawn = mask(&session);
     perform(&mut session, click(STONE, &[(25.5, 25.5)])).unwrap();
-    let mended = mask(&session);
+    let corrected = mask(&session);
     assert!(
-        mended.at(25, 25) == STONE && mended.at(12, 12) == STONE,
-        "what was drawn beside the bar stays"
+        corrected.at(25, 25) == STONE && corrected.at(12, 12) == STONE,
+        "strokes next to the bar stay"
     );
     let changed = (0..drawn.ids.len())
-        .filter(|&at| drawn.ids[at] != mended.ids[at])
+        .filter(|&at| drawn.ids[at] != corrected.ids[at])
         .count();
     assert!((5..20).contains(&changed), "{changed} of 9 pixels");
     let corrects = |session: &Session| session.project().unwrap().prompts[&(0, STONE)].corrects;
@@ -154,7 +154,7 @@ fn clicks_on_a_drawn_mask_correct_it_until_it_is_removed() {
     perform(&mut session, Command::Open(folder.path().join("p"))).unwrap();
     assert!(corrects(&session), "and in the file");
     perform(&mut session, click(STONE, &[(30.5, 20.5)])).unwrap();
-    assert!(!corrects(&session), "other clicks begin the mask anew");
+    assert!(!corrects(&session), "other clicks begin the mask again");
     perform(&mut session, click(STONE, &[])).unwrap();
     perform(&mut session, click(STONE, &[(30.5, 20.5)])).unwrap();
     assert!(!corrects(&session), "who clicks on nothing begins a mask");
@@ -224,7 +224,7 @@ fn preview_equals_the_click_result_and_changes_nothing() {
     let events = session.settle(|_| std::ops::ControlFlow::Continue(()));
     assert!(
         session.hovered().is_none() && events.is_empty(),
-        "what cannot be shown is not told: {events:?}"
+        "labels that cannot be shown are not reported: {events:?}"
     );
 }
 
@@ -336,7 +336,7 @@ fn unknown_and_uninstalled_engines_are_rejected() {
 fn added_frames_get_free_names_and_moved_frames_are_found() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(folder.path());
-    let more = pictures(&folder.path().join("more"));
+    let more = images(&folder.path().join("more"));
     let sources = vec![FrameFolder {
         frames: more.clone(),
         depth: None,

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::DVec2;
 use proptest::prelude::*;
 
-use super::making::{anchor, perform, project, tracked};
+use super::making::{keyframe, perform, project, tracked};
 use crate::Event;
 use crate::{Command, RangeChange, RangeRequest, Session, TrackSettings};
 use ostra_masks::{Click, LabelId, Prompt};
@@ -83,10 +83,10 @@ fn deleted_label_stays_absent_until_restored_or_painted() {
     let mut session = opened(
         &folder,
         &[
-            anchor([1, 2, 0]),
+            keyframe([1, 2, 0]),
             both([1, 2, 0]),
             both([1, 2, 0]),
-            anchor([1, 2, 0]),
+            keyframe([1, 2, 0]),
         ],
     );
     session
@@ -110,7 +110,7 @@ fn deleted_label_stays_absent_until_restored_or_painted() {
         BTreeMap::from([(STEM, 0.4)])
     );
     assert!(now(&session).prompts.is_empty());
-    assert_eq!(now(&session).masks[&3].origin, MaskOrigin::Anchor);
+    assert_eq!(now(&session).masks[&3].origin, MaskOrigin::Keyframe);
     let brought = now(&session).within_marks(2, tracked([2, 1, 1]));
     assert_eq!(
         (brought.runs, brought.confidence.len()),
@@ -141,7 +141,7 @@ fn locked_label_is_not_changed_by_any_operation() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(
         &folder,
-        &[anchor([1, 2, 0]), both([1, 2, 0]), both([1, 2, 0])],
+        &[keyframe([1, 2, 0]), both([1, 2, 0]), both([1, 2, 0])],
     );
     change(&mut session, &[LEAF], (1, 2), RangeChange::Lock).unwrap();
     let held = now(&session).within_marks(
@@ -201,16 +201,16 @@ fn locked_label_is_not_changed_by_any_operation() {
 #[test]
 fn hidden_label_is_kept_but_not_in_play() {
     let folder = tempfile::tempdir().unwrap();
-    let mut session = opened(&folder, &[anchor([1, 2, 0]), both([1, 2, 0])]);
+    let mut session = opened(&folder, &[keyframe([1, 2, 0]), both([1, 2, 0])]);
     change(&mut session, &[STEM], (1, 4), RangeChange::Hide).unwrap();
     assert_eq!(rows(&session, 1), [1, 2, 0]);
     let shown = |session: &Session, frame| now(session).mask_in_play(frame).unwrap();
     assert_eq!(
         (shown(&session, 0), shown(&session, 1)),
-        (anchor([1, 2, 0]).runs, anchor([1, 0, 0]).runs)
+        (keyframe([1, 2, 0]).runs, keyframe([1, 0, 0]).runs)
     );
     change(&mut session, &[STEM], (0, 1), RangeChange::Show).unwrap();
-    assert_eq!(shown(&session, 1), anchor([1, 2, 0]).runs);
+    assert_eq!(shown(&session, 1), keyframe([1, 2, 0]).runs);
     assert_eq!(
         now(&session)
             .marks_of(STEM)
@@ -232,7 +232,7 @@ fn merged_label_passes_on_pixels_clicks_and_lower_confidence() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(
         &folder,
-        &[anchor([1, 2, 0]), both([1, 2, 0]), both([1, 2, 0])],
+        &[keyframe([1, 2, 0]), both([1, 2, 0]), both([1, 2, 0])],
     );
     let given = |label, x| Edit::SetPrompt {
         frame: 0,
@@ -278,7 +278,7 @@ fn split_piece_is_followed_through_the_range() {
     let folder = tempfile::tempdir().unwrap();
     let masks = [
         both([1, 0, 1]),
-        anchor([1, 0, 1]),
+        keyframe([1, 0, 1]),
         both([1, 0, 0]),
         both([1, 0, 1]),
     ];
@@ -325,7 +325,12 @@ fn split_piece_is_followed_through_the_range() {
             into: STEM,
         },
     );
-    assert!(error.unwrap_err().to_string().contains("one piece"));
+    assert!(
+        error
+            .unwrap_err()
+            .to_string()
+            .contains("one connected part")
+    );
 }
 
 #[test]
@@ -334,19 +339,19 @@ fn frames_in_between_get_interpolated_shapes() {
     let mut session = opened(
         &folder,
         &[
-            anchor([1, 0, 0]),
+            keyframe([1, 0, 0]),
             both([2, 2, 2]),
-            anchor([1, 0, 2]),
+            keyframe([1, 0, 2]),
             both([0, 0, 2]),
-            anchor([0, 0, 1]),
+            keyframe([0, 0, 1]),
         ],
     );
     change(&mut session, &[LEAF], (0, 4), RangeChange::Interpolate).unwrap();
     assert_eq!(rows(&session, 1), [2, 2, 2], "pixels of other labels stay");
     assert_eq!(
         now(&session).masks[&2],
-        anchor([1, 0, 2]),
-        "an anchor that shows it stays"
+        keyframe([1, 0, 2]),
+        "a keyframe that shows it stays"
     );
     let request = RangeRequest {
         labels: vec![LEAF],
@@ -369,7 +374,7 @@ fn frames_in_between_get_interpolated_shapes() {
 #[test]
 fn copied_mask_is_a_keyframe() {
     let folder = tempfile::tempdir().unwrap();
-    let mut session = opened(&folder, &[anchor([1, 1, 0]), both([2, 0, 1])]);
+    let mut session = opened(&folder, &[keyframe([1, 1, 0]), both([2, 0, 1])]);
     change(
         &mut session,
         &[LEAF],
@@ -384,7 +389,7 @@ fn copied_mask_is_a_keyframe() {
     assert!(
         [1, 2]
             .iter()
-            .all(|frame| now(&session).masks[frame].origin == MaskOrigin::Anchor)
+            .all(|frame| now(&session).masks[frame].origin == MaskOrigin::Keyframe)
     );
     let error = change(
         &mut session,
@@ -402,7 +407,7 @@ fn absent_label_does_not_erase_other_labels() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(
         &folder,
-        &[anchor([1, 2, 0]), both([0, 2, 2]), anchor([0, 1, 1])],
+        &[keyframe([1, 2, 0]), both([0, 2, 2]), keyframe([0, 1, 1])],
     );
     change(&mut session, &[LEAF], (1, 1), RangeChange::Delete).unwrap();
     let replace = |change| RangeRequest {

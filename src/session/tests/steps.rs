@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 
 use super::edits::any_edit;
-use super::making::{anchor, camera, label, project, record, tracked};
+use super::making::{camera, keyframe, label, project, record, tracked};
 use ostra_core::job::JobId;
 use ostra_project::OpenProject;
 use ostra_project::{Edit, MaskOrigin, Project, ResultKind};
@@ -16,10 +16,10 @@ fn opened(folder: &tempfile::TempDir, project: Project) -> OpenProject {
 fn tracked_project(engine: &str) -> Project {
     let mut project = project();
     let masks = [
-        anchor([1, 0, 0]),
+        keyframe([1, 0, 0]),
         tracked([1, 1, 0]),
         tracked([0, 1, 0]),
-        anchor([0, 1, 0]),
+        keyframe([0, 1, 0]),
         tracked([0, 0, 1]),
     ];
     for (frame, mask) in masks.into_iter().enumerate() {
@@ -72,11 +72,11 @@ fn changed_keyframe_makes_the_frames_it_reaches_stale() {
         "Paint",
         vec![Edit::SetMask {
             frame: 0,
-            mask: Some(anchor([1, 1, 1])),
+            mask: Some(keyframe([1, 1, 1])),
         }],
     )
     .unwrap();
-    assert_eq!(stale(open.project()), [1, 2], "up to the next anchor");
+    assert_eq!(stale(open.project()), [1, 2], "up to the next keyframe");
     assert_eq!(
         stale_results(open.project()),
         [ResultKind::Tracking, ResultKind::Cloud]
@@ -108,7 +108,7 @@ fn accepted_mask_makes_nothing_stale() {
     let start = tracked_project("geometry");
     let same = ostra_project::FrameMask {
         runs: start.masks[&1].runs.clone(),
-        ..anchor([0; 3])
+        ..keyframe([0; 3])
     };
     let mut open = opened(&folder, start);
     open.commit(
@@ -226,7 +226,7 @@ fn run_is_one_step_unless_interrupted_by_another() {
         "Paint",
         vec![Edit::SetMask {
             frame: 3,
-            mask: Some(anchor([2, 2, 2])),
+            mask: Some(keyframe([2, 2, 2])),
         }],
     )
     .unwrap();
@@ -288,8 +288,8 @@ proptest! {
                 }
                 _ => drop(open.commit("Step", edits)),
             }
-            let stale_anchor = |mask: &ostra_project::FrameMask| mask.stale && mask.origin == MaskOrigin::Anchor;
-            prop_assert!(!open.project().masks.values().any(stale_anchor));
+            let stale_keyframe = |mask: &ostra_project::FrameMask| mask.stale && mask.origin == MaskOrigin::Keyframe;
+            prop_assert!(!open.project().masks.values().any(stale_keyframe));
         }
         let end = open.project().clone();
         let mut undone = 0;

@@ -3,8 +3,8 @@
 //! Yang, Yang: "Decoupling Features in Hierarchical Propagation for Video Object Segmentation",
 //! NeurIPS 2022.
 
+mod image_input;
 mod network;
-mod picture;
 #[cfg(test)]
 mod tests;
 mod tracker;

@@ -34,7 +34,7 @@ pub(super) struct Features([Tensor; FEATURES.len()]);
 
 /// Result of propagating one group of objects to an image.
 #[derive(Debug)]
-pub(super) struct Seen {
+pub(super) struct NetworkOutput {
     /// Shape `[1, 11, rows, columns]`, at a quarter of the image size.
     pub logits: Tensor,
     /// Key and value of every layer.
@@ -55,7 +55,7 @@ impl Networks {
             .iter()
             .map(String::as_str)
             .collect();
-        let asked: Vec<&str> = [&names.long, &names.short]
+        let requested: Vec<&str> = [&names.long, &names.short]
             .into_iter()
             .flat_map(|term| term.as_flattened())
             .map(String::as_str)
@@ -70,7 +70,7 @@ impl Networks {
         check_signature(&remember, &["embedding", "mask"], &memory)?;
         check_signature(
             &propagate,
-            &[&FEATURES[..], &asked].concat(),
+            &[&FEATURES[..], &requested].concat(),
             &[&["logits"], &traces[..]].concat(),
         )?;
         check_signature(&identify, &[&["mask"], &traces[..]].concat(), &identities)?;
@@ -150,7 +150,7 @@ impl<'a> Running<'a> {
         features: &Features,
         long: &Memory,
         short: &Memory,
-    ) -> Result<Seen, MaskError> {
+    ) -> Result<NetworkOutput, MaskError> {
         let Features(features) = features;
         let terms = [(&self.names().long, long), (&self.names().short, short)];
         let memories = terms.into_iter().flat_map(|(names, memory)| {
@@ -181,7 +181,7 @@ impl<'a> Running<'a> {
             .iter()
             .map(|name| given.take(name, 2))
             .collect::<Result<_, MaskError>>()?;
-        Ok(Seen {
+        Ok(NetworkOutput {
             logits,
             kept,
             traces,
@@ -189,7 +189,7 @@ impl<'a> Running<'a> {
     }
 
     /// Returns the memory of an image that was propagated to, now that its mask is known.
-    pub fn identify(self, seen: Seen, mask: &Tensor) -> Result<Memory, MaskError> {
+    pub fn identify(self, seen: NetworkOutput, mask: &Tensor) -> Result<Memory, MaskError> {
         let traces = self
             .names()
             .traces
@@ -288,12 +288,12 @@ impl LongMemory {
     ///
     /// At the limit, the oldest image whose mask was not given is removed. If all masks were given,
     /// the oldest image after the first is removed.
-    pub fn push(&mut self, picture: &Memory, is_given: bool) -> Result<(), NnError> {
+    pub fn push(&mut self, image: &Memory, is_given: bool) -> Result<(), NnError> {
         let count = self.is_given.len();
         let is_full = count >= self.most;
         if is_full && self.most == 1 {
             if is_given {
-                *self = Self::new(picture, self.most);
+                *self = Self::new(image, self.most);
             }
             return Ok(());
         }
@@ -303,7 +303,7 @@ impl LongMemory {
                 .position(|is_given| !is_given)
                 .unwrap_or(1)
         });
-        let all = self.memory.layers.iter_mut().zip(&picture.layers);
+        let all = self.memory.layers.iter_mut().zip(&image.layers);
         for (kept, new) in all.flat_map(|(kept, new)| kept.iter_mut().zip(new)) {
             *kept = joined(kept, new, gone)?;
         }

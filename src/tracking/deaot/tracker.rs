@@ -2,8 +2,8 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::network::{Features, LongMemory, Memory, Networks, OBJECTS, Running, Seen};
-use super::picture::{fed, nearest, probabilities, shown_size};
+use super::image_input::{fed, nearest, probabilities, shown_size};
+use super::network::{Features, LongMemory, Memory, NetworkOutput, Networks, OBJECTS, Running};
 use crate::networks::network_error;
 use crate::propagate::{
     Answer, KeyframeUse, LabelProbabilities, LookAhead, MaskPropagator, PassFrame, Section,
@@ -122,7 +122,7 @@ pub(super) struct DeaotPass<'a> {
 struct Last {
     image: Image,
     features: Features,
-    seen: Vec<Seen>,
+    seen: Vec<NetworkOutput>,
     /// Object number of every pixel.
     numbers: Vec<usize>,
 }
@@ -262,7 +262,7 @@ impl<'a> DeaotPass<'a> {
                 format!("{}×{}", image.width, image.height),
             );
             return Err(MaskError::Request(format!(
-                "the mask is {a}, its picture {b}; make the mask anew"
+                "the mask is {a}, its image {b}; make the mask again"
             )));
         }
         let given = shown_labels(mask);
@@ -300,7 +300,7 @@ impl<'a> DeaotPass<'a> {
     pub fn propagate(&mut self, image: &Image) -> Result<LabelProbabilities, MaskError> {
         if self.groups.is_empty() {
             return Err(MaskError::Request(
-                "there is no mask to carry; prompt or import one first".into(),
+                "there is no mask to track; prompt or import one first".into(),
             ));
         }
         let (last, by_number) = self.look(image)?;
@@ -319,7 +319,7 @@ impl MaskPropagator for DeaotPass<'_> {
         self.remember(&frame.image, mask)
     }
 
-    fn carry_to(
+    fn transfer_to(
         &mut self,
         frame: &PassFrame,
         _ahead: &mut LookAhead<'_, '_>,
@@ -338,7 +338,7 @@ fn check(image: &Image) -> Result<(), MaskError> {
         return Ok(());
     }
     Err(MaskError::Request(format!(
-        "the picture of {width}×{height} has {} pixels; load it anew",
+        "the image of {width}×{height} has {} pixels; load it again",
         pixels.len()
     )))
 }
@@ -410,7 +410,7 @@ impl Group {
         &mut self,
         networks: Running<'_>,
         features: &Features,
-    ) -> Result<Seen, MaskError> {
+    ) -> Result<NetworkOutput, MaskError> {
         self.since += 1;
         networks.propagate(features, &self.long.memory, &self.short)
     }
@@ -419,7 +419,7 @@ impl Group {
     pub fn keep(
         &mut self,
         networks: Running<'_>,
-        seen: Seen,
+        seen: NetworkOutput,
         found: &NumberMap,
         options: &DeaotOptions,
     ) -> Result<(), MaskError> {

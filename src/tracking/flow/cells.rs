@@ -1,7 +1,7 @@
 use glam::Vec2;
 
-use super::picture::Picture;
 use super::plane::Plane;
+use super::tracked_image::TrackedImage;
 
 /// Features per cell: Lab, colour odds, and edge strength in six directions.
 pub(super) const FEATURES: usize = 10;
@@ -25,10 +25,16 @@ impl Cells {
     /// Computes the cells at most `reach_px` from `centre` in each direction.
     ///
     /// `odds` has one value per colour bin.
-    pub fn new(picture: &Picture, odds: &[f32], side: usize, centre: Vec2, reach_px: f32) -> Self {
+    pub fn new(
+        image: &TrackedImage,
+        odds: &[f32],
+        side: usize,
+        centre: Vec2,
+        reach_px: f32,
+    ) -> Self {
         let (columns, rows) = (
-            picture.width.div_ceil(side).max(1),
-            picture.height.div_ceil(side).max(1),
+            image.width.div_ceil(side).max(1),
+            image.height.div_ceil(side).max(1),
         );
         let cell =
             |at: f32, count: usize| (at / side as f32).clamp(0.0, count as f32 - 1.0) as usize;
@@ -43,7 +49,7 @@ impl Cells {
         let mut features = vec![[0.0; FEATURES]; columns * rows];
         for row in first[1]..=last[1] {
             for column in first[0]..=last[0] {
-                features[row * columns + column] = described(picture, odds, side, column, row);
+                features[row * columns + column] = described(image, odds, side, column, row);
             }
         }
         Self {
@@ -93,7 +99,7 @@ impl Cells {
 
 /// Computes the features of a cell; cells at the right and lower border may be smaller.
 fn described(
-    picture: &Picture,
+    image: &TrackedImage,
     odds: &[f32],
     side: usize,
     column: usize,
@@ -102,12 +108,12 @@ fn described(
     let mut cell = [0.0; FEATURES];
     let (left, top) = (column * side, row * side);
     let (right, bottom) = (
-        (left + side).min(picture.width),
-        (top + side).min(picture.height),
+        (left + side).min(image.width),
+        (top + side).min(image.height),
     );
     for y in top..bottom {
         for x in left..right {
-            add_pixel(&mut cell, picture, odds, x, y);
+            add_pixel(&mut cell, image, odds, x, y);
         }
     }
     let pixels = ((right - left) * (bottom - top)) as f32;
@@ -118,15 +124,15 @@ fn described(
     cell
 }
 
-fn add_pixel(cell: &mut [f32; FEATURES], picture: &Picture, odds: &[f32], x: usize, y: usize) {
-    let (width, height) = (picture.width, picture.height);
+fn add_pixel(cell: &mut [f32; FEATURES], image: &TrackedImage, odds: &[f32], x: usize, y: usize) {
+    let (width, height) = (image.width, image.height);
     let at = y * width + x;
-    let lab = picture.lab[at];
+    let lab = image.lab[at];
     for (value, (lab, unit)) in cell.iter_mut().zip(lab.iter().zip([25.0, 12.0, 12.0])) {
         *value += lab / unit;
     }
-    cell[ODDS] += odds[usize::from(picture.bins[at])];
-    let light = |x: usize, y: usize| picture.lab[y * width + x][0];
+    cell[ODDS] += odds[usize::from(image.bins[at])];
+    let light = |x: usize, y: usize| image.lab[y * width + x][0];
     let slope = Vec2::new(
         light((x + 1).min(width - 1), y) - light(x.saturating_sub(1), y),
         light(x, (y + 1).min(height - 1)) - light(x, y.saturating_sub(1)),

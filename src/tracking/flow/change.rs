@@ -5,8 +5,8 @@ use glam::Vec2;
 
 use super::dis::{Finest, flow_between};
 use super::motion::{PlaneMotion, Step};
-use super::picture::Picture;
 use super::plane::{Flow, Plane, median};
+use super::tracked_image::TrackedImage;
 use ostra_masks::Region;
 
 /// Maximum number of pixels sampled to estimate the background motion.
@@ -17,8 +17,8 @@ const AGREES_PX: f32 = 2.0;
 
 /// Two neighbouring frames and the optical flow between them.
 pub(super) struct Change {
-    pub last: Arc<Picture>,
-    pub next: Arc<Picture>,
+    pub last: Arc<TrackedImage>,
+    pub next: Arc<TrackedImage>,
     /// Flow from the last frame to the next, and back.
     pub forward: Arc<Flow>,
     pub backward: Arc<Flow>,
@@ -32,8 +32,8 @@ pub(super) struct Change {
 
 impl Change {
     /// Measures the flow in both directions.
-    pub fn new(last: Arc<Picture>, next: Arc<Picture>, finest: Finest) -> Self {
-        let flow = |from: &Picture, to: &Picture| {
+    pub fn new(last: Arc<TrackedImage>, next: Arc<TrackedImage>, finest: Finest) -> Self {
+        let flow = |from: &TrackedImage, to: &TrackedImage| {
             Arc::new(flow_between(&from.pyramid, &to.pyramid, finest))
         };
         let (forward, backward) = rayon::join(|| flow(&last, &next), || flow(&next, &last));
@@ -42,8 +42,8 @@ impl Change {
 
     /// Uses given flows from the last frame to the next, and back.
     pub fn of_flows(
-        last: Arc<Picture>,
-        next: Arc<Picture>,
+        last: Arc<TrackedImage>,
+        next: Arc<TrackedImage>,
         forward: Arc<Flow>,
         backward: Arc<Flow>,
     ) -> Self {
@@ -75,9 +75,9 @@ impl Change {
                 .for_each(|(hidden, &value)| *hidden |= value > 0.2);
         }
         let hidden = hidden.dilated(4.0);
-        let open = |sure: f32| -> Vec<usize> {
+        let open = |confidence: f32| -> Vec<usize> {
             (0..width * height)
-                .filter(|&at| !hidden.inside[at] && self.reliable.values[at] >= sure)
+                .filter(|&at| !hidden.inside[at] && self.reliable.values[at] >= confidence)
                 .collect()
         };
         let mut open_places = open(0.5);
@@ -116,8 +116,8 @@ pub(super) struct FlowCache {
 }
 
 struct KeptFlow {
-    last: Arc<Picture>,
-    next: Arc<Picture>,
+    last: Arc<TrackedImage>,
+    next: Arc<TrackedImage>,
     forward: Arc<Flow>,
     backward: Arc<Flow>,
 }
@@ -163,7 +163,12 @@ impl FlowCache {
     /// Measures the flow from one frame to the next.
     ///
     /// If the opposite step is in the cache, it is removed from there and reversed instead.
-    pub fn change(&mut self, last: &Arc<Picture>, next: &Arc<Picture>, finest: Finest) -> Change {
+    pub fn change(
+        &mut self,
+        last: &Arc<TrackedImage>,
+        next: &Arc<TrackedImage>,
+        finest: Finest,
+    ) -> Change {
         let is_way_back =
             |step: &KeptFlow| Arc::ptr_eq(&step.last, next) && Arc::ptr_eq(&step.next, last);
         if let Some(back) = self
@@ -192,7 +197,7 @@ mod tests {
 
     const SIDE: u32 = 48;
 
-    fn picture(shift: u32) -> Arc<Picture> {
+    fn image(shift: u32) -> Arc<TrackedImage> {
         let grain = |x: u32, y: u32| {
             (((x / 3 * 7349) ^ (y / 3 * 9151)).wrapping_mul(0x9E37_79B1) >> 24) as u8
         };
@@ -204,12 +209,12 @@ mod tests {
             height: SIDE,
             pixels,
         };
-        Arc::new(Picture::new(&image, (SIDE as usize, SIDE as usize)))
+        Arc::new(TrackedImage::new(&image, (SIDE as usize, SIDE as usize)))
     }
 
     #[test]
     fn cached_flows_equal_measured_ones_when_reversed() {
-        let frames = [0, 2, 4, 6].map(picture);
+        let frames = [0, 2, 4, 6].map(image);
         let mut flows = FlowCache::keeping(2);
         let there: Vec<Change> = frames
             .windows(2)

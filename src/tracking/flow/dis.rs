@@ -176,13 +176,13 @@ fn sweep(
 ) {
     for at in order {
         let patch = &patches[at];
-        let beside = at
+        let adjacent = at
             .checked_add_signed(towards)
             .filter(|&other| other / columns == at / columns);
         let over = at.checked_add_signed(towards * columns as isize);
         let mut best = found[at];
         let mut least = patch.cost(to, best);
-        for neighbour in [beside, over].into_iter().flatten() {
+        for neighbour in [adjacent, over].into_iter().flatten() {
             let Some(&candidate) = found.get(neighbour) else {
                 continue;
             };
@@ -214,7 +214,7 @@ pub(super) struct Patch {
 }
 
 /// Cost of a patch at a displacement, and its descent direction.
-struct Fit {
+struct PatchFit {
     /// Sum of squared differences of grey levels after their mean difference is removed.
     cost: f32,
     slide: Vec2,
@@ -292,7 +292,7 @@ impl Patch {
         best
     }
 
-    fn fit(&self, other: &Level, displacement: Vec2) -> Fit {
+    fn fit(&self, other: &Level, displacement: Vec2) -> PatchFit {
         let reach = PAD as f32 - 2.0;
         let x =
             (self.x as f32 + displacement.x).clamp(-reach, (other.width - PATCH) as f32 + reach);
@@ -322,7 +322,7 @@ impl Patch {
         let pull = Vec2::new(along_x.reduce_add(), along_y.reduce_add()) - self.mean_slope * sum;
         let [xx, xy, yy] = self.inverse;
         let slide = Vec2::new(xx * pull.x + xy * pull.y, xy * pull.x + yy * pull.y);
-        Fit {
+        PatchFit {
             cost: squares.reduce_add() - sum * sum / PIXELS,
             slide,
         }

@@ -5,7 +5,7 @@ use super::memory::Recalled;
 use super::object::{Evidence, Object, Prediction, SHAPE};
 use super::options::FlowOptions;
 use super::plane::{Plane, median};
-use super::votes::{Source, Vote, Way, votes};
+use super::votes::{Displacement, Source, Vote, votes};
 use ostra_masks::cut::Window;
 use ostra_masks::{LabelMask, Region, squared_distance_to};
 
@@ -21,10 +21,10 @@ const BACKGROUND_SPREAD_PX: f32 = 0.5;
 const FLOW_REACH: usize = 3;
 const OBJECT_REACH: usize = 4;
 /// Share of pixels that follow neither motion.
-const STRAY: f32 = 0.05;
+const MIN_EVIDENCE: f32 = 0.05;
 
 /// Observations of the next frame and its neighbours.
-pub(super) struct Sight<'a> {
+pub(super) struct FrameEvidence<'a> {
     pub change: &'a Change,
     pub beyond: Option<&'a FrameAhead<'a>>,
     pub recalled: Option<&'a Recalled>,
@@ -34,11 +34,11 @@ pub(super) struct Sight<'a> {
 pub(super) fn evidence(
     object: &Object,
     prediction: &Prediction,
-    &Sight {
+    &FrameEvidence {
         change,
         beyond,
         recalled,
-    }: &Sight<'_>,
+    }: &FrameEvidence<'_>,
     options: &FlowOptions,
 ) -> Evidence {
     let (width, height) = (change.next.width, change.next.height);
@@ -98,7 +98,7 @@ pub(super) fn evidence(
                 0.0
             };
             options.flow_weight * reliable * flow
-                - (options.doubt_weight - shape) * (1.0 - reliable)
+                - (options.uncertainty_weight - shape) * (1.0 - reliable)
                 + options.place_weight * place
                 + options.first_color_weight * first[bin]
                 + options.last_color_weight * last[bin]
@@ -137,24 +137,27 @@ fn votes_of_both(
     let own = Plane::of_mask(change.next.width, change.next.height, &object.mask().inside);
     let share_beyond = Plane::of_mask(change.next.width, change.next.height, &there.inside);
     let last = |way, reach| Source {
-        picture: &change.last,
+        image: &change.last,
         share: &own,
         way,
         reach,
         weight: 2.0 * (1.0 - beyond.share),
     };
     let next = |way, reach| Source {
-        picture: &beyond.change.next,
+        image: &beyond.change.next,
         share: &share_beyond,
         way,
         reach,
         weight: 2.0 * beyond.share,
     };
     let sources = [
-        last(Way::Flow(&change.backward), FLOW_REACH),
-        last(Way::Motion(prediction.motion.inverse()), OBJECT_REACH),
-        next(Way::Flow(&beyond.change.forward), FLOW_REACH),
-        next(Way::Motion(prediction.motion), OBJECT_REACH),
+        last(Displacement::Flow(&change.backward), FLOW_REACH),
+        last(
+            Displacement::Motion(prediction.motion.inverse()),
+            OBJECT_REACH,
+        ),
+        next(Displacement::Flow(&beyond.change.forward), FLOW_REACH),
+        next(Displacement::Motion(prediction.motion), OBJECT_REACH),
     ];
     Some(votes(&change.next, window, &sources))
 }
@@ -241,8 +244,8 @@ fn motion_odds<'a>(
         if weight == 0.0 {
             return 0.0;
         }
-        let own = (-off_object(at, place) / object_spread).exp() + STRAY;
-        let other = (-off_background(at, place) / background_spread).exp() + STRAY;
+        let own = (-off_object(at, place) / object_spread).exp() + MIN_EVIDENCE;
+        let other = (-off_background(at, place) / background_spread).exp() + MIN_EVIDENCE;
         weight * (own / other).ln().clamp(-MOST_MOTION, MOST_MOTION)
     }
 }

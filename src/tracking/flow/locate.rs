@@ -29,18 +29,18 @@ struct Template {
 }
 
 /// An object's appearance in its keyframe and in recent frames.
-pub(super) struct Looks {
+pub(super) struct Appearance {
     first: Template,
     last: Template,
     /// Size of the object relative to that in the keyframe.
     size: f32,
     /// Fit at the last place where the object was well visible; `None` at first.
-    usual: Option<Fit>,
+    usual: Option<ObjectFit>,
 }
 
 /// How well a place fits the object.
 #[derive(Debug, Clone, Copy)]
-struct Fit {
+struct ObjectFit {
     /// Odds of the colours inside minus those around.
     contrast: f32,
     /// Mean squared difference of features from the recent appearance.
@@ -49,7 +49,7 @@ struct Fit {
     first: f32,
 }
 
-impl Fit {
+impl ObjectFit {
     fn score(&self) -> f32 {
         COLORS * self.contrast - LAST * self.difference - FIRST * self.first
     }
@@ -70,14 +70,14 @@ struct Ready {
 }
 
 impl Ready {
-    fn fit(&self, cells: &Cells, x: isize, y: isize) -> Fit {
+    fn fit(&self, cells: &Cells, x: isize, y: isize) -> ObjectFit {
         let odds = (0..self.contrast.len())
             .filter(|&at| self.contrast[at] != 0.0)
             .map(|at| {
                 let (dx, dy) = self.shape.offset(at);
                 self.contrast[at] * cells.at(x + dx, y + dy)[ODDS]
             });
-        Fit {
+        ObjectFit {
             contrast: odds.sum(),
             difference: self.last.difference(cells, x, y),
             first: self.first.difference(cells, x, y),
@@ -87,7 +87,7 @@ impl Ready {
 
 /// Position of an object in a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Place {
+pub(super) struct ObjectPlace {
     /// Centre of the object in pixels.
     pub centre: Vec2,
     /// Whether it differs from the predicted position.
@@ -199,7 +199,7 @@ impl Template {
     }
 }
 
-impl Looks {
+impl Appearance {
     /// Learns the appearance of an object at `centre`; `share` is its part of each cell.
     pub fn new(cells: &Cells, share: &Plane, centre: Vec2) -> Self {
         let middle = cells.of_pixel(centre);
@@ -229,13 +229,13 @@ impl Looks {
         predicted: Vec2,
         zoom: f32,
         reach_px: f32,
-    ) -> Place {
+    ) -> ObjectPlace {
         self.size *= zoom;
         self.last = self.last.scaled(zoom);
         let ready = self.ready(cells, shape, shape_centre, zoom);
         let middle = cells.of_pixel(predicted);
         let reach = reach_px / cells.side as f32;
-        let score = |fit: &Fit, x: isize, y: isize| {
+        let score = |fit: &ObjectFit, x: isize, y: isize| {
             let away = Vec2::new(x as f32, y as f32).distance_squared(middle) / (reach * reach);
             fit.score() - DISTANCE * away
         };
@@ -243,12 +243,12 @@ impl Looks {
             let fit = ready.fit(cells, x, y);
             (score(&fit, x, y), fit, (x, y))
         });
-        let scored: Vec<(f32, Fit, (isize, isize))> = candidates.collect();
+        let scored: Vec<(f32, ObjectFit, (isize, isize))> = candidates.collect();
         let best = scored
             .into_iter()
             .reduce(|best, next| if next.0 > best.0 { next } else { best });
         let Some((value, fit, (x, y))) = best else {
-            return Place {
+            return ObjectPlace {
                 centre: predicted,
                 corrected: false,
                 is_like: false,
@@ -257,17 +257,17 @@ impl Looks {
         let (found, there) = (Vec2::new(x as f32, y as f32), middle.round());
         let (there_x, there_y) = (there.x as isize, there.y as isize);
         let predicted_fit = ready.fit(cells, there_x, there_y);
-        let is_like = |fit: &Fit| self.usual.is_none_or(|usual| fit.is_like(&usual));
+        let is_like = |fit: &ObjectFit| self.usual.is_none_or(|usual| fit.is_like(&usual));
         let better = found.distance(middle) > NEAR
             && value > score(&predicted_fit, there_x, there_y) + MARGIN;
         if better && is_like(&fit) {
-            Place {
+            ObjectPlace {
                 centre: cells.to_pixel(found),
                 corrected: true,
                 is_like: true,
             }
         } else {
-            Place {
+            ObjectPlace {
                 centre: predicted,
                 corrected: false,
                 is_like: is_like(&predicted_fit),

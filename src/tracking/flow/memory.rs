@@ -249,7 +249,7 @@ mod tests {
         assert_eq!(
             recalled.odds(LabelId(8))(Vec2::ZERO),
             0.0,
-            "no anchor shows this label"
+            "no keyframe shows this label"
         );
     }
 

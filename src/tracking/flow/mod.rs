@@ -18,10 +18,10 @@ mod moving_regions;
 mod object;
 mod objects;
 mod options;
-mod picture;
 mod plane;
 #[cfg(test)]
 mod tests;
+mod tracked_image;
 mod tracker;
 mod variational;
 mod votes;

@@ -189,14 +189,14 @@ mod tests {
                 dice.random_range(0.0..360.0f32),
             );
             // Every third step is an outlier.
-            let stray = Vec2::new(
+            let residual = Vec2::new(
                 dice.random_range(-40.0..40.0f32),
                 dice.random_range(-40.0..40.0f32),
             );
             Step {
                 from,
                 to: if at.is_multiple_of(3) {
-                    from + stray
+                    from + residual
                 } else {
                     motion(from)
                 },

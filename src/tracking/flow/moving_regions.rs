@@ -5,8 +5,8 @@ use glam::Vec2;
 use super::change::Change;
 use super::dis::Finest;
 use super::options::FlowOptions;
-use super::picture::{Picture, enlarged_mask, reduced_mask, working_size};
 use super::plane::Plane;
+use super::tracked_image::{TrackedImage, enlarged_mask, reduced_mask, working_size};
 use ostra_frames::Image;
 use ostra_masks::unexplained::{Apartness, Unexplained, explained, parts};
 use ostra_masks::{LabelId, LabelMask, Region};
@@ -23,20 +23,20 @@ const LEAST_RELIABLE: f32 = 0.3;
 /// `other` is an image of the same size, a few frames away.
 #[must_use]
 pub fn moving_apart(
-    picture: &Image,
+    image: &Image,
     other: &Image,
     mask: &LabelMask,
     options: &FlowOptions,
 ) -> Vec<Unexplained> {
     let sized = |image: &Image| (image.width, image.height) == (mask.width, mask.height);
-    if !(sized(picture) && sized(other)) {
+    if !(sized(image) && sized(other)) {
         return Vec::new();
     }
     let size = working_size(mask.width, mask.height, options.most_side);
     let known = explained(&reduced_mask(mask, size));
     let mut change = Change::new(
-        Arc::new(Picture::new(other, size)),
-        Arc::new(Picture::new(picture, size)),
+        Arc::new(TrackedImage::new(other, size)),
+        Arc::new(TrackedImage::new(image, size)),
         Finest::Half,
     );
     change.find_background(&[&Plane::of_mask(size.0, size.1, &known.inside)]);
@@ -87,7 +87,7 @@ pub fn moving_apart(
             height: part.height,
             ids,
         };
-        enlarged_mask(&mask, picture.width, picture.height).region(LabelId(1))
+        enlarged_mask(&mask, image.width, image.height).region(LabelId(1))
     };
     let found = parts(&solid).map(|part| Unexplained {
         why: Apartness::Moves,
@@ -102,7 +102,7 @@ mod tests {
     use super::*;
 
     /// Draws a textured background that slides, and a textured box with its own motion.
-    fn picture(shift: i32, box_at: (i32, i32)) -> Image {
+    fn image(shift: i32, box_at: (i32, i32)) -> Image {
         let grain = |x: i32, y: i32, salt: i32| {
             let cell = (x / 5)
                 .wrapping_mul(7_349)
@@ -130,7 +130,7 @@ mod tests {
 
     #[test]
     fn independently_moving_region_is_found_unless_labelled() {
-        let (now, later) = (picture(0, (120, 90)), picture(3, (128, 96)));
+        let (now, later) = (image(0, (120, 90)), image(3, (128, 96)));
         let mut mask = LabelMask::empty(320, 240);
         let found = moving_apart(&now, &later, &mask, &FlowOptions::default());
         assert_eq!(
@@ -164,7 +164,7 @@ mod tests {
         assert!(
             moving_apart(
                 &now,
-                &picture(3, (120 - 3, 90)),
+                &image(3, (120 - 3, 90)),
                 &LabelMask::empty(320, 240),
                 &FlowOptions::default()
             )

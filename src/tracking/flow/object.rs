@@ -2,11 +2,11 @@ use glam::{Affine2, Vec2};
 
 use super::cells::Cells;
 use super::change::Change;
-use super::locate::Looks;
+use super::locate::Appearance;
 use super::motion::{Step, similarity};
 use super::options::FlowOptions;
-use super::picture::{ColorModel, Picture};
 use super::plane::{Plane, median};
+use super::tracked_image::{ColorModel, TrackedImage};
 use ostra_masks::cut::{Borders, Window};
 use ostra_masks::{Connectivity, LabelId, Region, components, squared_distance_to};
 
@@ -50,7 +50,7 @@ pub(super) struct Object {
     expected: Plane,
     first_colors: ColorModel,
     last_colors: ColorModel,
-    looks: Looks,
+    appearance: Appearance,
     cell_side: usize,
     centre: Vec2,
     /// Latest motion.
@@ -84,17 +84,17 @@ impl Object {
     /// Starts tracking the object of a keyframe.
     ///
     /// `region` has the working size and is not empty.
-    pub fn new(id: LabelId, region: Region, picture: &Picture) -> Self {
-        let shape = Plane::of_mask(picture.width, picture.height, &region.inside);
-        let colors = colors_of(picture, &region);
+    pub fn new(id: LabelId, region: Region, image: &TrackedImage) -> Self {
+        let shape = Plane::of_mask(image.width, image.height, &region.inside);
+        let colors = colors_of(image, &region);
         let area = region.area() as f32;
         let cell_side = ((area.sqrt() / CELLS_ACROSS).round() as usize)
             .clamp(3, 10)
             .max(extent(&region) / MOST_CELLS);
         let centre = centre_of(&shape, 0.5).unwrap_or(Vec2::ZERO);
-        let whole = picture.width.max(picture.height) as f32;
-        let cells = Cells::new(picture, &colors.odds(), cell_side, centre, whole);
-        let looks = Looks::new(&cells, &cells.means(&shape), centre);
+        let whole = image.width.max(image.height) as f32;
+        let cells = Cells::new(image, &colors.odds(), cell_side, centre, whole);
+        let appearance = Appearance::new(&cells, &cells.means(&shape), centre);
         Self {
             id,
             mask: region,
@@ -105,7 +105,7 @@ impl Object {
             shape,
             last_colors: colors.clone(),
             first_colors: colors,
-            looks,
+            appearance,
             cell_side,
             centre,
             motion: Affine2::IDENTITY,
@@ -117,8 +117,8 @@ impl Object {
     }
 
     /// Learns the colours of another keyframe.
-    pub fn also_looks_like(&mut self, picture: &Picture, region: &Region) {
-        self.first_colors.learn(&colors_of(picture, region), 0.5);
+    pub fn add_appearance(&mut self, image: &TrackedImage, region: &Region) {
+        self.first_colors.learn(&colors_of(image, region), 0.5);
     }
 
     pub fn mask(&self) -> &Region {
@@ -177,7 +177,7 @@ impl Object {
         } else {
             (&self.expected, centre)
         };
-        let place = self.looks.find(
+        let place = self.appearance.find(
             &cells,
             (&cells.means(shape.0), shape.1),
             predicted,
@@ -224,15 +224,15 @@ impl Object {
     }
 
     /// Computes the cells needed to search within `reach_px` of a position.
-    fn cells(&self, picture: &Picture, place: Vec2, reach_px: f32) -> Cells {
+    fn cells(&self, image: &TrackedImage, place: Vec2, reach_px: f32) -> Cells {
         let (first, last) = self.color_odds();
         let odds: Vec<f32> = first
             .iter()
             .zip(&last)
             .map(|(first, last)| 0.6 * first + 0.4 * last)
             .collect();
-        let looks = ((self.looks.radius() + 1) * self.cell_side) as f32;
-        Cells::new(picture, &odds, self.cell_side, place, reach_px + looks)
+        let appearance = ((self.appearance.radius() + 1) * self.cell_side) as f32;
+        Cells::new(image, &odds, self.cell_side, place, reach_px + appearance)
     }
 
     /// Estimates the object's similarity transform by flow, and its zoom.
@@ -248,8 +248,8 @@ impl Object {
             let from = Vec2::new((at % width) as f32, (at / width) as f32);
             let vector = change.forward.vectors[at];
             let back = change.backward.sample(from + vector);
-            let sure = (vector + back).length() < 1.5 + 0.1 * vector.length();
-            sure.then_some(Step {
+            let confidence = (vector + back).length() < 1.5 + 0.1 * vector.length();
+            confidence.then_some(Step {
                 from,
                 to: from + vector,
             })
@@ -275,23 +275,23 @@ impl Object {
         &self,
         prediction: &Prediction,
         evidence: &Evidence,
-        picture: &Picture,
+        image: &TrackedImage,
         options: &FlowOptions,
     ) -> Region {
-        let mut mask = Region::empty(picture.width as u32, picture.height as u32);
+        let mut mask = Region::empty(image.width as u32, image.height as u32);
         if evidence.odds.is_empty() {
             return mask;
         }
         let borders = Borders::new(
-            &picture.lab,
-            picture.width,
+            &image.lab,
+            image.width,
             evidence.window,
             options.outline_weight,
         );
         let most = options.most_growth * self.usual_area();
         for round in 0..=TRIES {
             let inside = borders.cut(&evidence.odds, -FALL * round as f32);
-            for (at, inside) in evidence.window.places(picture.width).zip(inside) {
+            for (at, inside) in evidence.window.places(image.width).zip(inside) {
                 mask.inside[at] = inside;
             }
             keep_expected(&mut mask, &prediction.expected, SHAPE);
@@ -367,7 +367,7 @@ impl Object {
         change: &Change,
         options: &FlowOptions,
     ) {
-        let picture = &change.next;
+        let image = &change.next;
         self.steps += 1;
         let well_seen = mask.area() as f32 > ENOUGH * self.usual_area();
         self.hidden = if well_seen { 0 } else { self.hidden + 1 };
@@ -375,14 +375,14 @@ impl Object {
             self.areas.push(mask.area() as f32);
             self.areas
                 .drain(..self.areas.len().saturating_sub(REMEMBERED));
-            self.shape = Plane::of_mask(picture.width, picture.height, &mask.inside);
+            self.shape = Plane::of_mask(image.width, image.height, &mask.inside);
             self.shape_centre = prediction.centre;
         }
         self.remember(&mask, prediction, evidence, options);
         self.centre = prediction.centre;
         self.likeness = 0.0;
         if !mask.is_empty() {
-            let colors = colors_of(picture, &mask);
+            let colors = colors_of(image, &mask);
             self.likeness = self.first_colors.likeness(&colors);
             self.faith *= self.step_confidence(&mask, prediction, change, self.likeness);
             self.last_colors.learn(&colors, options.color_rate);
@@ -392,7 +392,7 @@ impl Object {
             for (share, &inside) in share.values.iter_mut().zip(&mask.inside) {
                 *share = if inside { 1.0 } else { 0.5 * *share };
             }
-            self.looks.learn(
+            self.appearance.learn(
                 &prediction.cells,
                 &prediction.cells.means(&share),
                 self.centre,
@@ -436,14 +436,14 @@ fn centre_of(plane: &Plane, level: f32) -> Option<Vec2> {
 }
 
 /// Learns the colours of a region and its surroundings.
-fn colors_of(picture: &Picture, region: &Region) -> ColorModel {
+fn colors_of(image: &TrackedImage, region: &Region) -> ColorModel {
     let reach = 0.3 * (region.area() as f32).sqrt() + 6.0;
     let near = (reach * reach) as u32;
     let around: Vec<bool> = squared_distance_to(region)
         .into_iter()
         .map(|d| d > 0 && d <= near)
         .collect();
-    ColorModel::new(&picture.bins, &region.inside, &around)
+    ColorModel::new(&image.bins, &region.inside, &around)
 }
 
 /// Minimum share of a fragment that must lie in the expected shape.

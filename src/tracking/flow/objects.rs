@@ -1,11 +1,11 @@
 use rayon::prelude::*;
 
 use super::change::Change;
-use super::evidence::{FrameAhead, Sight, evidence};
+use super::evidence::{FrameAhead, FrameEvidence, evidence};
 use super::memory::Memory;
 use super::object::{Evidence, Object, Prediction};
 use super::options::FlowOptions;
-use super::picture::Picture;
+use super::tracked_image::TrackedImage;
 use crate::propagate::{Answer, shown_labels};
 use ostra_core::job::{Progress, Stopped};
 use ostra_masks::{LabelId, LabelMask, Region};
@@ -19,34 +19,34 @@ pub(super) struct TrackedObjects<'a> {
 
 impl<'a> TrackedObjects<'a> {
     /// Starts from a keyframe's mask at the working size.
-    pub fn new(options: &'a FlowOptions, picture: &Picture, mask: &LabelMask) -> Self {
+    pub fn new(options: &'a FlowOptions, image: &TrackedImage, mask: &LabelMask) -> Self {
         let labels: Vec<LabelId> = shown_labels(mask).into_iter().collect();
         let objects = labels
             .into_par_iter()
-            .map(|id| Object::new(id, mask.region(id), picture))
+            .map(|id| Object::new(id, mask.region(id), image))
             .collect();
         let mut tracked = Self {
             options,
             objects,
             memory: Memory::default(),
         };
-        tracked.remember(picture, mask);
+        tracked.remember(image, mask);
         tracked
     }
 
     /// Learns the colours and cells of another keyframe.
-    pub fn learn(&mut self, picture: &Picture, mask: &LabelMask) {
-        self.remember(picture, mask);
+    pub fn learn(&mut self, image: &TrackedImage, mask: &LabelMask) {
+        self.remember(image, mask);
         for object in &mut self.objects {
             let region = mask.region(object.id);
             if !region.is_empty() {
-                object.also_looks_like(picture, &region);
+                object.add_appearance(image, &region);
             }
         }
     }
 
-    fn remember(&mut self, picture: &Picture, mask: &LabelMask) {
-        if let Some(feature_map) = &picture.feature_map {
+    fn remember(&mut self, image: &TrackedImage, mask: &LabelMask) {
+        if let Some(feature_map) = &image.feature_map {
             self.memory.learn(feature_map, mask);
         }
     }
@@ -79,7 +79,7 @@ impl<'a> TrackedObjects<'a> {
             let evidence = evidence(
                 object,
                 &prediction,
-                &Sight {
+                &FrameEvidence {
                     change: &change,
                     beyond,
                     recalled: recalled.as_ref(),

@@ -15,7 +15,7 @@ pub struct FlowOptions {
     /// Weight of the labels that the flow transfers from the last frame.
     pub flow_weight: f32,
     /// Penalty for a pixel whose flow is unreliable.
-    pub doubt_weight: f32,
+    pub uncertainty_weight: f32,
     /// Weight of the expected shape near a keyframe, where the flow is unreliable.
     pub shape_weight: f32,
     /// Weight of the distance from the expected position.
@@ -59,7 +59,7 @@ impl Default for FlowOptions {
             most_side: 640,
             most_side_between: 854,
             flow_weight: 1.0,
-            doubt_weight: 0.7,
+            uncertainty_weight: 0.7,
             shape_weight: 1.0,
             place_weight: 0.3,
             first_color_weight: 0.35,

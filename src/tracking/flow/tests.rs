@@ -11,11 +11,11 @@ use rand_pcg::Pcg32;
 use super::FlowTracker;
 use super::dis::{Finest, flow_between};
 use super::plane::Plane;
-use crate::flow::picture::PictureCache;
 use crate::flow::plane::Pyramid;
+use crate::flow::tracked_image::ImageCache;
 use crate::propagate::PassFrame;
 use ostra_core::job::Progress;
-use ostra_frames::{Frame, FrameStore, Orientation, PictureSource};
+use ostra_frames::{Frame, FrameStore, ImageSource, Orientation};
 use ostra_masks::{Direction, LabelId, LabelMask, TrackRequest, TrackedFrame, Tracker};
 
 mod robust;
@@ -63,13 +63,13 @@ struct Disk {
     centre: fn(f32) -> Vec2,
 }
 
-struct Film {
+struct Video {
     _folder: tempfile::TempDir,
     frames: Vec<Frame>,
     truth: Vec<LabelMask>,
 }
 
-impl Film {
+impl Video {
     /// The wall moves as well, as seen by a rotating camera; `pole` hides columns of every frame.
     fn new(count: usize, disks: &[Disk], pole: Range<u32>) -> Self {
         Self::with_cover(count, disks, |_| pole.clone())
@@ -82,7 +82,7 @@ impl Film {
         let (mut frames, mut truth) = (Vec::new(), Vec::new());
         for k in 0..count {
             let mut mask = LabelMask::empty(WIDTH, HEIGHT);
-            let picture = image::RgbImage::from_fn(WIDTH, HEIGHT, |x, y| {
+            let image = image::RgbImage::from_fn(WIDTH, HEIGHT, |x, y| {
                 let p = Vec2::new(x as f32, y as f32);
                 if cover(k as f32).contains(&x) {
                     return image::Rgb([90, 90, 95]);
@@ -99,8 +99,8 @@ impl Film {
                 image::Rgb(color.map(|channel| channel.clamp(0.0, 255.0) as u8))
             });
             let path = folder.path().join(format!("{k:03}.png"));
-            picture.save(&path).unwrap();
-            let picture = PictureSource::File {
+            image.save(&path).unwrap();
+            let image = ImageSource::File {
                 path,
                 orientation: Orientation::default(),
             };
@@ -109,7 +109,7 @@ impl Film {
                 name,
                 width: WIDTH,
                 height: HEIGHT,
-                picture,
+                image,
                 depth: None,
                 camera: None,
             });
@@ -122,11 +122,11 @@ impl Film {
         }
     }
 
-    fn request(&self, anchors: &[usize]) -> TrackRequest {
+    fn request(&self, keyframes: &[usize]) -> TrackRequest {
         TrackRequest {
             frames: Arc::new(self.frames.clone()),
             store: Arc::new(FrameStore::new(16 << 20)),
-            anchors: anchors
+            keyframes: keyframes
                 .iter()
                 .map(|&frame| (frame, Arc::new(self.truth[frame].clone())))
                 .collect(),
@@ -177,13 +177,13 @@ fn two_disks() -> [Disk; 2] {
 fn flow_estimates_the_shift_of_a_texture() {
     let noise = Noise::new(5);
     let shift = Vec2::new(11.4, -6.7);
-    let picture = |shift: Vec2| {
+    let image = |shift: Vec2| {
         let grey = |x: usize, y: usize| {
             128.0 + 90.0 * noise.at((Vec2::new(x as f32, y as f32) - shift) / 6.0)
         };
         Pyramid::new(Plane::from_fn(200, 150, grey), 16)
     };
-    let flow = flow_between(&picture(Vec2::ZERO), &picture(shift), Finest::Half);
+    let flow = flow_between(&image(Vec2::ZERO), &image(shift), Finest::Half);
     let mut misses: Vec<f32> = (30..120)
         .flat_map(|y| (30..170).map(move |x| (x, y)))
         .map(|(x, y)| flow.at(x, y).distance(shift))
@@ -198,16 +198,16 @@ fn flow_estimates_the_shift_of_a_texture() {
 
 #[test]
 fn two_objects_are_tracked_past_each_other() {
-    let film = Film::new(20, &two_disks(), 0..0);
-    let tracked = track(&film.request(&[0]));
+    let video = Video::new(20, &two_disks(), 0..0);
+    let tracked = track(&video.request(&[0]));
     assert_eq!(
         tracked.keys().copied().collect::<Vec<_>>(),
         (1..20).collect::<Vec<_>>(),
-        "all but the anchor"
+        "all but the keyframe"
     );
     for label in [LEFT, RIGHT] {
         for frame in [1, 10, 19] {
-            let iou = film.iou(&tracked, frame, label);
+            let iou = video.iou(&tracked, frame, label);
             assert!(iou > 0.9, "{label:?} in frame {frame}: {iou}");
             assert!(
                 tracked[&frame].confidence[&label] > 0.7,
@@ -220,15 +220,15 @@ fn two_objects_are_tracked_past_each_other() {
 
 #[test]
 fn masks_propagate_in_both_directions_and_are_merged() {
-    let film = Film::new(20, &two_disks(), 0..0);
-    let from_the_middle = track(&film.request(&[9]));
+    let video = Video::new(20, &two_disks(), 0..0);
+    let from_the_middle = track(&video.request(&[9]));
     assert!(
-        film.iou(&from_the_middle, 0, LEFT) > 0.9 && film.iou(&from_the_middle, 19, RIGHT) > 0.9
+        video.iou(&from_the_middle, 0, LEFT) > 0.9 && video.iou(&from_the_middle, 19, RIGHT) > 0.9
     );
-    let mut request = film.request(&[0, 19]);
+    let mut request = video.request(&[0, 19]);
     // The second keyframe shows a larger object than the first, so masks in between grow.
-    let grown = film.truth[19].region(LEFT).dilated(4.0);
-    let mask = Arc::make_mut(request.anchors.get_mut(&19).unwrap());
+    let grown = video.truth[19].region(LEFT).dilated(4.0);
+    let mask = Arc::make_mut(request.keyframes.get_mut(&19).unwrap());
     for (id, _) in mask
         .ids
         .iter_mut()
@@ -250,7 +250,7 @@ fn masks_propagate_in_both_directions_and_are_merged() {
     request.direction = Direction::Forward;
     let forward = track(&request);
     assert!(area(&forward, 18) < area(&tracked, 18) - 100);
-    assert!(film.iou(&forward, 18, LEFT) > 0.85);
+    assert!(video.iou(&forward, 18, LEFT) > 0.85);
 }
 
 #[test]
@@ -267,8 +267,8 @@ fn object_that_left_stays_absent_and_hidden_object_reappears() {
         radius: 9.0,
         centre: |k| Vec2::new(40.0 + 4.0 * k, 85.0),
     };
-    let film = Film::new(24, &[leaves, hides], 74..96);
-    let tracked = track(&film.request(&[0]));
+    let video = Video::new(24, &[leaves, hides], 74..96);
+    let tracked = track(&video.request(&[0]));
     assert!(
         tracked[&23].mask.region(LEFT).is_empty() && !tracked[&23].confidence.contains_key(&LEFT)
     );
@@ -277,7 +277,7 @@ fn object_that_left_stays_absent_and_hidden_object_reappears() {
         "{}",
         tracked[&11].mask.region(RIGHT).area()
     );
-    let back = film.iou(&tracked, 23, RIGHT);
+    let back = video.iou(&tracked, 23, RIGHT);
     assert!(back > 0.7, "{back}");
 }
 
@@ -290,7 +290,7 @@ fn static_object_is_recovered_after_occlusion() {
         radius: 13.0,
         centre: |_| Vec2::new(80.0, 60.0),
     };
-    let film = Film::with_cover(52, &[stands], |k| {
+    let video = Video::with_cover(52, &[stands], |k| {
         if k < 8.0 {
             40..64
         } else if k < 40.0 {
@@ -299,20 +299,20 @@ fn static_object_is_recovered_after_occlusion() {
             115..145
         }
     });
-    let tracked = track(&film.request(&[0]));
+    let tracked = track(&video.request(&[0]));
     assert!(tracked[&30].mask.region(LEFT).is_empty());
     assert!(
-        film.iou(&tracked, 51, LEFT) > 0.8,
+        video.iou(&tracked, 51, LEFT) > 0.8,
         "{}",
-        film.iou(&tracked, 51, LEFT)
+        video.iou(&tracked, 51, LEFT)
     );
 }
 
 #[test]
 fn label_in_only_one_keyframe_is_tracked_through_the_interval() {
-    let film = Film::new(16, &two_disks(), 0..0);
-    let mut request = film.request(&[0, 15]);
-    let first = Arc::make_mut(request.anchors.get_mut(&0).unwrap());
+    let video = Video::new(16, &two_disks(), 0..0);
+    let mut request = video.request(&[0, 15]);
+    let first = Arc::make_mut(request.keyframes.get_mut(&0).unwrap());
     first
         .ids
         .iter_mut()
@@ -321,9 +321,9 @@ fn label_in_only_one_keyframe_is_tracked_through_the_interval() {
     let tracked = track(&request);
     for frame in [1, 8, 14] {
         assert!(
-            film.iou(&tracked, frame, RIGHT) > 0.85,
+            video.iou(&tracked, frame, RIGHT) > 0.85,
             "frame {frame}: {}",
-            film.iou(&tracked, frame, RIGHT)
+            video.iou(&tracked, frame, RIGHT)
         );
     }
 }
@@ -332,13 +332,13 @@ fn label_in_only_one_keyframe_is_tracked_through_the_interval() {
 fn tiny_images_and_keyframes_of_other_sizes_are_handled() {
     for (width, height) in [(1, 1), (7, 90), (640, 3), (33, 31)] {
         let folder = tempfile::tempdir().unwrap();
-        let mut film = Film {
+        let mut video = Video {
             _folder: folder,
             frames: Vec::new(),
             truth: Vec::new(),
         };
         for k in 0..4u32 {
-            let path = film._folder.path().join(format!("{k}.png"));
+            let path = video._folder.path().join(format!("{k}.png"));
             let (width, height) = if k == 3 {
                 (2 * width, 2 * height)
             } else {
@@ -349,23 +349,23 @@ fn tiny_images_and_keyframes_of_other_sizes_are_handled() {
             })
             .save(&path)
             .unwrap();
-            let picture = PictureSource::File {
+            let image = ImageSource::File {
                 path,
                 orientation: Orientation::default(),
             };
-            film.frames.push(Frame {
+            video.frames.push(Frame {
                 name: k.to_string(),
                 width,
                 height,
-                picture,
+                image,
                 depth: None,
                 camera: None,
             });
             let mut mask = LabelMask::empty(width, height);
             mask.ids[0] = LEFT;
-            film.truth.push(mask);
+            video.truth.push(mask);
         }
-        let tracked = track(&film.request(&[0, 3]));
+        let tracked = track(&video.request(&[0, 3]));
         assert_eq!(tracked.keys().copied().collect::<Vec<_>>(), [1, 2]);
         assert!(
             tracked
@@ -377,8 +377,8 @@ fn tiny_images_and_keyframes_of_other_sizes_are_handled() {
 
 #[test]
 fn masks_do_not_depend_on_the_number_of_threads() {
-    let film = Film::new(6, &two_disks(), 0..0);
-    let request = film.request(&[0, 5]);
+    let video = Video::new(6, &two_disks(), 0..0);
+    let request = video.request(&[0, 5]);
     let with = |threads| {
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
@@ -397,14 +397,14 @@ fn masks_do_not_depend_on_the_number_of_threads() {
 
 #[test]
 fn range_is_respected_and_finished_frames_survive_a_stop() {
-    let film = Film::new(12, &two_disks(), 0..0);
-    let mut request = film.request(&[1, 10]);
+    let video = Video::new(12, &two_disks(), 0..0);
+    let mut request = video.request(&[1, 10]);
     (request.from, request.to) = (3, 6);
     assert_eq!(
         track(&request).keys().copied().collect::<Vec<_>>(),
         [3, 4, 5, 6]
     );
-    request.anchors.remove(&1);
+    request.keyframes.remove(&1);
     request.direction = Direction::Forward;
     let refused = FlowTracker::default()
         .track(&request, &mut |_| {}, &Progress::default())
@@ -424,33 +424,33 @@ fn range_is_respected_and_finished_frames_survive_a_stop() {
             progress.stop();
         }
     };
-    let stopped = FlowTracker::default().track(&film.request(&[0]), &mut take, &progress);
+    let stopped = FlowTracker::default().track(&video.request(&[0]), &mut take, &progress);
     assert!(matches!(stopped, Err(ostra_masks::MaskError::Stopped(_))));
     assert_eq!(done, [1, 2, 3]);
 }
 
 #[test]
 fn prepared_image_is_cached_while_in_use() {
-    let film = Film::new(2, &two_disks(), 0..0);
-    let request = film.request(&[0]);
+    let video = Video::new(2, &two_disks(), 0..0);
+    let request = video.request(&[0]);
     let size = (
-        film.frames[1].width as usize,
-        film.frames[1].height as usize,
+        video.frames[1].width as usize,
+        video.frames[1].height as usize,
     );
     let frame = |index: usize| PassFrame {
         index,
         image: request.store.image(&request.frames[index]).unwrap(),
     };
-    let mut pictures = PictureCache::new(size, None);
-    let held = pictures.get(&frame(1)).unwrap();
-    assert!(Arc::ptr_eq(&held, &pictures.get(&frame(1)).unwrap()));
-    let mut smaller = PictureCache::new((size.0 / 2, size.1 / 2), None);
+    let mut images = ImageCache::new(size, None);
+    let held = images.get(&frame(1)).unwrap();
+    assert!(Arc::ptr_eq(&held, &images.get(&frame(1)).unwrap()));
+    let mut smaller = ImageCache::new((size.0 / 2, size.1 / 2), None);
     let small = smaller.get(&frame(1)).unwrap();
     assert_eq!((small.width, small.height), (size.0 / 2, size.1 / 2));
     let watched = Arc::downgrade(&held);
     drop(held);
     assert!(
         watched.upgrade().is_none(),
-        "only those who use a picture hold it"
+        "only those who use an image hold it"
     );
 }

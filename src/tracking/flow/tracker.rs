@@ -7,7 +7,7 @@ use super::evidence::FrameAhead;
 use super::memory::DenseFeatures;
 use super::objects::TrackedObjects;
 use super::options::FlowOptions;
-use super::picture::{Picture, PictureCache, enlarged_mask, reduced_mask, working_size};
+use super::tracked_image::{ImageCache, TrackedImage, enlarged_mask, reduced_mask, working_size};
 use crate::propagate::{
     Answer, KeyframeUse, LookAhead, MaskPropagator, PassFrame, Section, propagate,
 };
@@ -69,9 +69,9 @@ struct FlowPropagator<'a> {
     changes: Changes<'a>,
     objects: Option<TrackedObjects<'a>>,
     /// Images of the pass's keyframes, kept so that they are not computed again.
-    keyframes: Vec<Arc<Picture>>,
+    keyframes: Vec<Arc<TrackedImage>>,
     /// Image that the current masks belong to.
-    last: Option<Arc<Picture>>,
+    last: Option<Arc<TrackedImage>>,
     /// Flow from `last` to the frames after it, as far as it is measured.
     measured: VecDeque<Change>,
     /// Error of the last measurement; reported when the next step is due.
@@ -80,21 +80,25 @@ struct FlowPropagator<'a> {
 
 /// Measures the optical flow between frames.
 struct Changes<'a> {
-    pictures: PictureCache<'a>,
+    images: ImageCache<'a>,
     flows: FlowCache,
     finest: Finest,
 }
 
 impl Changes<'_> {
-    fn change_to(&mut self, last: &Arc<Picture>, frame: &PassFrame) -> Result<Change, MaskError> {
-        let next = self.pictures.get(frame)?;
+    fn change_to(
+        &mut self,
+        last: &Arc<TrackedImage>,
+        frame: &PassFrame,
+    ) -> Result<Change, MaskError> {
+        let next = self.images.get(frame)?;
         Ok(self.flows.change(last, &next, self.finest))
     }
 
     /// Measures the flow to the frame `place` frames ahead; `None` beyond the end of the pass.
     fn change_to_frame_ahead(
         &mut self,
-        last: &Arc<Picture>,
+        last: &Arc<TrackedImage>,
         ahead: &mut LookAhead<'_, '_>,
         place: usize,
     ) -> Result<Option<Change>, MaskError> {
@@ -126,7 +130,7 @@ impl<'a> FlowPropagator<'a> {
             size,
             is_between,
             changes: Changes {
-                pictures: PictureCache::new(size, tracker.features.as_deref()),
+                images: ImageCache::new(size, tracker.features.as_deref()),
                 flows: FlowCache::keeping(kept_steps),
                 finest,
             },
@@ -141,7 +145,7 @@ impl<'a> FlowPropagator<'a> {
     /// Measures the flow to `frame` and, between keyframes, from there to the frame after it.
     fn measure(
         &mut self,
-        last: &Arc<Picture>,
+        last: &Arc<TrackedImage>,
         frame: &PassFrame,
         ahead: &mut LookAhead<'_, '_>,
     ) -> Result<Change, MaskError> {
@@ -184,24 +188,24 @@ impl MaskPropagator for FlowPropagator<'_> {
     }
 
     fn add_keyframe(&mut self, frame: &PassFrame, mask: &LabelMask) -> Result<(), MaskError> {
-        let picture = self.changes.pictures.get(frame)?;
+        let image = self.changes.images.get(frame)?;
         let mask = reduced_mask(mask, self.size);
-        self.objects = Some(TrackedObjects::new(self.options, &picture, &mask));
-        self.keyframes.push(Arc::clone(&picture));
-        self.last = Some(picture);
+        self.objects = Some(TrackedObjects::new(self.options, &image, &mask));
+        self.keyframes.push(Arc::clone(&image));
+        self.last = Some(image);
         Ok(())
     }
 
     fn add_far_keyframe(&mut self, frame: &PassFrame, mask: &LabelMask) -> Result<(), MaskError> {
-        let picture = self.changes.pictures.get(frame)?;
+        let image = self.changes.images.get(frame)?;
         if let Some(objects) = &mut self.objects {
-            objects.learn(&picture, &reduced_mask(mask, self.size));
+            objects.learn(&image, &reduced_mask(mask, self.size));
         }
-        self.keyframes.push(picture);
+        self.keyframes.push(image);
         Ok(())
     }
 
-    fn carry_to(
+    fn transfer_to(
         &mut self,
         frame: &PassFrame,
         ahead: &mut LookAhead<'_, '_>,
@@ -211,7 +215,7 @@ impl MaskPropagator for FlowPropagator<'_> {
         }
         let (Some(mut objects), Some(last)) = (self.objects.take(), self.last.take()) else {
             return Err(MaskError::Request(
-                "there is no mask to carry; prompt or import one first".into(),
+                "there is no mask to track; prompt or import one first".into(),
             ));
         };
         let change = self.measure(&last, frame, ahead)?;

@@ -316,9 +316,10 @@ impl Row<'_> {
             &below[1..=width],
         );
         for x in (start..width).step_by(2) {
-            let beside = self.ties.left[x] * here[x] + self.ties.right[x] * here[x + 2];
+            let adjacent = self.ties.left[x] * here[x] + self.ties.right[x] * here[x + 2];
             let over = self.ties.above[x] * above[x] + self.ties.below[x] * below[x];
-            let solved = (self.right[x] + beside + over - self.xy[x] * other[x]) * self.inverse[x];
+            let solved =
+                (self.right[x] + adjacent + over - self.xy[x] * other[x]) * self.inverse[x];
             here[x + 1] += OMEGA * (solved - here[x + 1]);
         }
     }

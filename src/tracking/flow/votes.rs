@@ -13,8 +13,8 @@ use glam::{Affine2, Vec2};
 use rayon::prelude::*;
 use wide::f32x8;
 
-use super::picture::Picture;
 use super::plane::{Flow, Plane, corners};
+use super::tracked_image::TrackedImage;
 use ostra_masks::cut::Window;
 
 /// Half width of a patch: pixels from its centre to its side.
@@ -31,18 +31,18 @@ const NEAR: f32 = 0.67;
 /// Total weight of similar patches at which a vote counts half.
 const FEW: f32 = 0.1;
 /// Margin added to the share on both sides before the odds are taken.
-const UNSURE: f32 = 0.05;
+const UNCERTAIN: f32 = 0.05;
 /// Rows of pixels that are processed together.
 const BAND: usize = 16;
 const LANES: usize = 8;
 
 /// An image with a known mask, and where to search in it.
 pub(super) struct Source<'a> {
-    pub picture: &'a Picture,
+    pub image: &'a TrackedImage,
     /// Degree to which each pixel belongs to the object, 0–1.
     pub share: &'a Plane,
     /// Approximate position of a pixel in this image.
-    pub way: Way<'a>,
+    pub way: Displacement<'a>,
     /// Search radius around that position in each direction, in pixels.
     pub reach: usize,
     /// Weight of the image's patches.
@@ -51,12 +51,12 @@ pub(super) struct Source<'a> {
 
 /// Mapping of pixels to another image.
 #[derive(Clone, Copy)]
-pub(super) enum Way<'a> {
+pub(super) enum Displacement<'a> {
     Flow(&'a Flow),
     Motion(Affine2),
 }
 
-impl Way<'_> {
+impl Displacement<'_> {
     fn place(self, at: Vec2) -> Vec2 {
         match self {
             Self::Flow(flow) => at + flow.sample(at),
@@ -78,7 +78,7 @@ impl Vote {
     /// Returns the log-odds that the pixel is the object's; near 0 without similar patches.
     pub fn odds(self) -> f32 {
         let known = self.alike / (self.alike + FEW);
-        known * ((self.share + UNSURE) / (1.0 - self.share + UNSURE)).ln()
+        known * ((self.share + UNCERTAIN) / (1.0 - self.share + UNCERTAIN)).ln()
     }
 }
 
@@ -89,9 +89,9 @@ impl Vote {
 ///
 /// Method: Rousseau, Habas, Studholme, "A supervised patch-based approach for human brain
 /// labeling", IEEE Transactions on Medical Imaging, 2011.
-pub(super) fn votes(picture: &Picture, window: Window, sources: &[Source<'_>]) -> Vec<Vote> {
+pub(super) fn votes(image: &TrackedImage, window: Window, sources: &[Source<'_>]) -> Vec<Vote> {
     let (width, height) = (window.width().next_multiple_of(LANES), window.height());
-    let target = Planes::of(picture, window, HALF, Way::Motion(Affine2::IDENTITY));
+    let target = Planes::of(image, window, HALF, Displacement::Motion(Affine2::IDENTITY));
     let seen: Vec<Planes<4>> = sources
         .iter()
         .map(|source| Planes::of_source(source, window))
@@ -124,8 +124,8 @@ struct Planes<const N: usize> {
 
 impl Planes<3> {
     /// Samples an image at the pixels of a window and its margin.
-    fn of(picture: &Picture, window: Window, margin: usize, way: Way<'_>) -> Self {
-        Self::seen(picture, window, margin, way, |at| weighed(picture.lab[at]))
+    fn of(image: &TrackedImage, window: Window, margin: usize, way: Displacement<'_>) -> Self {
+        Self::seen(image, window, margin, way, |at| weighed(image.lab[at]))
     }
 }
 
@@ -133,12 +133,12 @@ impl Planes<4> {
     /// Samples a source as far as it is searched.
     fn of_source(source: &Source<'_>, window: Window) -> Self {
         Self::seen(
-            source.picture,
+            source.image,
             window,
             HALF + source.reach,
             source.way,
             |at| {
-                let [l, a, b] = weighed(source.picture.lab[at]);
+                let [l, a, b] = weighed(source.image.lab[at]);
                 [l, a, b, source.share.values[at]]
             },
         )
@@ -147,10 +147,10 @@ impl Planes<4> {
 
 impl<const N: usize> Planes<N> {
     fn seen(
-        picture: &Picture,
+        image: &TrackedImage,
         window: Window,
         margin: usize,
-        way: Way<'_>,
+        way: Displacement<'_>,
         values: impl Fn(usize) -> [f32; N] + Sync,
     ) -> Self {
         let width = window.width().next_multiple_of(LANES) + 2 * margin;
@@ -158,7 +158,7 @@ impl<const N: usize> Planes<N> {
         let corner = Vec2::new(window.left as f32, window.top as f32) - margin as f32;
         let pixel = |at: usize| {
             let at = way.place(corner + Vec2::new((at % width) as f32, (at / width) as f32));
-            let (corner, weights) = corners(at, picture.width, picture.height);
+            let (corner, weights) = corners(at, image.width, image.height);
             let mut seen = [0.0; N];
             for (at, weight) in corner.into_iter().zip(weights) {
                 seen.iter_mut()
@@ -299,7 +299,7 @@ mod tests {
     };
 
     /// Draws a red pole two pixels wide in front of a textured wall, or hidden behind it.
-    fn picture(pole: usize, is_hidden: bool) -> Picture {
+    fn image(pole: usize, is_hidden: bool) -> TrackedImage {
         let color = |x: usize, y: usize| {
             let grain = ((x / 2 * 7349) ^ (y / 2 * 9151)).wrapping_mul(0x9E37_79B1) >> 9 & 63;
             let is_pole = (pole..pole + 2).contains(&x) && !is_hidden;
@@ -312,7 +312,7 @@ mod tests {
         let pixels = (0..WIDTH * HEIGHT)
             .map(|at| color(at % WIDTH, at / WIDTH))
             .collect();
-        Picture::new(
+        TrackedImage::new(
             &Image {
                 width: WIDTH as u32,
                 height: HEIGHT as u32,
@@ -327,11 +327,11 @@ mod tests {
         Plane::from_fn(WIDTH, HEIGHT, |x, _| f32::from(u8::from(inside(x))))
     }
 
-    fn source<'a>(picture: &'a Picture, share: &'a Plane, reach: usize) -> Source<'a> {
+    fn source<'a>(image: &'a TrackedImage, share: &'a Plane, reach: usize) -> Source<'a> {
         Source {
-            picture,
+            image,
             share,
-            way: Way::Motion(Affine2::IDENTITY),
+            way: Displacement::Motion(Affine2::IDENTITY),
             reach,
             weight: 1.0,
         }
@@ -349,7 +349,7 @@ mod tests {
 
     #[test]
     fn thin_pole_is_found_although_the_motion_is_off_by_more_than_its_width() {
-        let (before, now) = (picture(18, false), picture(21, false));
+        let (before, now) = (image(18, false), image(21, false));
         let share = share(Some(18));
         assert_eq!(
             found(&votes(&now, WHOLE, &[source(&before, &share, 4)])),
@@ -364,7 +364,7 @@ mod tests {
 
     #[test]
     fn flow_gives_the_search_position() {
-        let (before, now) = (picture(12, false), picture(21, false));
+        let (before, now) = (image(12, false), image(21, false));
         let share = share(Some(12));
         let flow = Flow {
             width: WIDTH,
@@ -372,7 +372,7 @@ mod tests {
             vectors: vec![Vec2::new(-9.0, 0.0); WIDTH * HEIGHT],
         };
         let sources = [Source {
-            way: Way::Flow(&flow),
+            way: Displacement::Flow(&flow),
             ..source(&before, &share, 1)
         }];
         assert_eq!(found(&votes(&now, WHOLE, &sources)), (2 * HEIGHT, 0));
@@ -380,7 +380,7 @@ mod tests {
 
     #[test]
     fn pole_hidden_in_one_source_is_found_in_the_other() {
-        let (hidden, shown, now) = (picture(0, true), picture(23, false), picture(21, false));
+        let (hidden, shown, now) = (image(0, true), image(23, false), image(21, false));
         let (none, there) = (share(None), share(Some(23)));
         let sources = [source(&hidden, &none, 4), source(&shown, &there, 4)];
         assert_eq!(found(&votes(&now, WHOLE, &sources)), (2 * HEIGHT, 0));
@@ -394,7 +394,7 @@ mod tests {
 
     #[test]
     fn source_weight_scales_its_votes() {
-        let (before, now) = (picture(21, false), picture(21, false));
+        let (before, now) = (image(21, false), image(21, false));
         let (none, there) = (share(None), share(Some(21)));
         let mut sources = [source(&before, &none, 1), source(&before, &there, 1)];
         sources[1].weight = 3.0;
@@ -404,7 +404,7 @@ mod tests {
 
     #[test]
     fn votes_in_a_window_equal_those_of_the_whole_image() {
-        let (before, now) = (picture(18, false), picture(21, false));
+        let (before, now) = (image(18, false), image(21, false));
         let share = share(Some(18));
         let whole = votes(&now, WHOLE, &[source(&before, &share, 3)]);
         let part = Window {

@@ -3,16 +3,16 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use rayon::prelude::*;
 
 use crate::reprojection::{ReprojectedLabels, ReprojectionOptions};
-use ostra_cloud::doubt::{Sighted, mask_has_near};
+use ostra_cloud::conflicts::{ObservedLabels, mask_has_near};
 use ostra_masks::{Connectivity, LabelId, LabelMask, MaskError, Region, WalkedFrame, components};
 
 /// Options of the check of masks against geometry.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ConsistencyOptions {
     /// Options of the re-projection of the keyframes' masks.
-    pub carry: ReprojectionOptions,
+    pub transfer: ReprojectionOptions,
     /// Minimum share of the keyframes' weights for geometry to be confident of a label, 0.5–1.
-    pub sure_share: f32,
+    pub confident_share: f32,
     /// Minimum sum of these weights; > 0.
     ///
     /// A keyframe that faces the surface from the same distance has weight 1.
@@ -30,8 +30,8 @@ pub struct ConsistencyOptions {
 impl Default for ConsistencyOptions {
     fn default() -> Self {
         Self {
-            carry: ReprojectionOptions::default(),
-            sure_share: 0.75,
+            transfer: ReprojectionOptions::default(),
+            confident_share: 0.75,
             least_weight: 1e-3,
             border_px: 3,
             least_area: 25,
@@ -44,7 +44,7 @@ impl Default for ConsistencyOptions {
 pub struct CheckedMask {
     pub walked: WalkedFrame,
     /// Number of pixels whose label was changed.
-    pub mended: usize,
+    pub corrected: usize,
     /// Whether an object is mostly elsewhere than in the tracker's mask.
     pub has_drifted: bool,
 }
@@ -54,7 +54,7 @@ impl CheckedMask {
     pub fn untouched(walked: WalkedFrame) -> Self {
         Self {
             walked,
-            mended: 0,
+            corrected: 0,
             has_drifted: false,
         }
     }
@@ -71,10 +71,10 @@ pub fn check_mask(
     tracked: WalkedFrame,
     evidence: &ReprojectedLabels,
     options: &ConsistencyOptions,
-    carried: impl FnOnce() -> Result<Option<LabelMask>, MaskError>,
+    transferred: impl FnOnce() -> Result<Option<LabelMask>, MaskError>,
 ) -> Result<CheckedMask, MaskError> {
-    let sighted = judge(evidence, &tracked.mask, options);
-    let found = Conflicts::find(&tracked.mask, &sighted, options);
+    let observed = judge(evidence, &tracked.mask, options);
+    let found = Conflicts::find(&tracked.mask, &observed, options);
     if found.touched.is_empty() {
         return Ok(CheckedMask::untouched(tracked));
     }
@@ -82,22 +82,22 @@ pub fn check_mask(
     for (id, given) in mask.ids.iter_mut().zip(&found.given) {
         *id = given.unwrap_or(*id);
     }
-    spread(&mut mask, &tracked.mask, &sighted, &found, options);
+    spread(&mut mask, &tracked.mask, &observed, &found, options);
     if !found.drifted.is_empty()
-        && let Some(carried) = carried()?
+        && let Some(transferred) = transferred()?
     {
-        complete(&mut mask, &carried, &sighted, &found);
+        complete(&mut mask, &transferred, &observed, &found);
     }
-    let mended = mask
+    let corrected = mask
         .ids
         .iter()
         .zip(&tracked.mask.ids)
         .filter(|(now, before)| now != before)
         .count();
-    let confidence = confidence(&mask, &sighted, &found.touched, tracked.confidence);
+    let confidence = confidence(&mask, &observed, &found.touched, tracked.confidence);
     Ok(CheckedMask {
         walked: WalkedFrame { mask, confidence },
-        mended,
+        corrected,
         has_drifted: !found.drifted.is_empty(),
     })
 }
@@ -105,10 +105,20 @@ pub fn check_mask(
 /// Adds pixels of the re-projected mask to drifted objects.
 ///
 /// Only pixels without a label are added, and only where geometry is not confident.
-fn complete(mask: &mut LabelMask, carried: &LabelMask, sighted: &Sighted, found: &Conflicts) {
-    for ((id, &carried), verdict) in mask.ids.iter_mut().zip(&carried.ids).zip(&sighted.labels) {
-        if *id == LabelId::NONE && verdict.is_none() && found.drifted.contains_key(&carried) {
-            *id = carried;
+fn complete(
+    mask: &mut LabelMask,
+    transferred: &LabelMask,
+    observed: &ObservedLabels,
+    found: &Conflicts,
+) {
+    for ((id, &transferred), verdict) in mask
+        .ids
+        .iter_mut()
+        .zip(&transferred.ids)
+        .zip(&observed.labels)
+    {
+        if *id == LabelId::NONE && verdict.is_none() && found.drifted.contains_key(&transferred) {
+            *id = transferred;
         }
     }
 }
@@ -119,7 +129,7 @@ fn complete(mask: &mut LabelMask, carried: &LabelMask, sighted: &Sighted, found:
 /// pixels that geometry confirms.
 fn confidence(
     mask: &LabelMask,
-    sighted: &Sighted,
+    observed: &ObservedLabels,
     touched: &BTreeSet<LabelId>,
     tracked: BTreeMap<LabelId, f32>,
 ) -> BTreeMap<LabelId, f32> {
@@ -127,7 +137,7 @@ fn confidence(
     for (&label, &verdict) in mask
         .ids
         .iter()
-        .zip(&sighted.labels)
+        .zip(&observed.labels)
         .filter(|&(label, _)| touched.contains(label))
     {
         let [confirmed, all] = counts.entry(label).or_default();
@@ -152,23 +162,23 @@ fn judge(
     evidence: &ReprojectedLabels,
     tracked: &LabelMask,
     options: &ConsistencyOptions,
-) -> Sighted {
+) -> ObservedLabels {
     let verdict = |(at, &held): (usize, &LabelId)| {
-        evidence.verdict(at, held, options.sure_share, options.least_weight)
+        evidence.verdict(at, held, options.confident_share, options.least_weight)
     };
     let labels: Vec<Option<LabelId>> = tracked.ids.par_iter().enumerate().map(verdict).collect();
-    let mut sighted = Sighted {
+    let mut observed = ObservedLabels {
         width: tracked.width,
         height: tracked.height,
         labels,
     };
-    let moved = moved(evidence, tracked, &sighted, options);
+    let moved = moved(evidence, tracked, &observed, options);
     if !moved.is_empty() {
-        for (verdict, held) in sighted.labels.iter_mut().zip(&tracked.ids) {
+        for (verdict, held) in observed.labels.iter_mut().zip(&tracked.ids) {
             *verdict = verdict.filter(|label| !moved.contains(label) && !moved.contains(held));
         }
     }
-    sighted
+    observed
 }
 
 /// Returns the labels of objects that have moved since the keyframes.
@@ -178,11 +188,11 @@ fn judge(
 fn moved(
     evidence: &ReprojectedLabels,
     tracked: &LabelMask,
-    sighted: &Sighted,
+    observed: &ObservedLabels,
     options: &ConsistencyOptions,
 ) -> BTreeSet<LabelId> {
     let mut counts: BTreeMap<LabelId, [usize; 2]> = BTreeMap::new();
-    for (at, (&held, verdict)) in tracked.ids.iter().zip(&sighted.labels).enumerate() {
+    for (at, (&held, verdict)) in tracked.ids.iter().zip(&observed.labels).enumerate() {
         if let Some(label) = verdict.filter(|&label| label != LabelId::NONE) {
             counts.entry(label).or_default()[1] += 1;
         }
@@ -215,18 +225,18 @@ struct Conflicts {
 type Pair = (LabelId, LabelId);
 
 impl Conflicts {
-    pub fn find(mask: &LabelMask, sighted: &Sighted, options: &ConsistencyOptions) -> Self {
+    pub fn find(mask: &LabelMask, observed: &ObservedLabels, options: &ConsistencyOptions) -> Self {
         let is_core: Vec<bool> = (0..mask.ids.len())
             .into_par_iter()
-            .map(|at| is_beyond_borders(mask, sighted, at, options.border_px))
+            .map(|at| is_beyond_borders(mask, observed, at, options.border_px))
             .collect();
-        let pair = |at: usize| Some((mask.ids[at], sighted.labels[at]?));
+        let pair = |at: usize| Some((mask.ids[at], observed.labels[at]?));
         let mut cores: BTreeMap<Pair, usize> = BTreeMap::new();
         (0..is_core.len())
             .filter(|&at| is_core[at])
             .filter_map(pair)
             .for_each(|pair| *cores.entry(pair).or_default() += 1);
-        let drifted = drifted(mask, sighted, &cores, options);
+        let drifted = drifted(mask, observed, &cores, options);
         let (mut given, mut touched) = (vec![None; mask.ids.len()], BTreeSet::new());
         for &(held, label) in cores.keys() {
             let inside = (0..mask.ids.len())
@@ -267,12 +277,17 @@ impl Conflicts {
 /// Returns whether mask and geometry differ at a pixel by more than a border shift.
 ///
 /// This is the case if one of them does not have the other's label nearby.
-fn is_beyond_borders(mask: &LabelMask, sighted: &Sighted, at: usize, border_px: u32) -> bool {
+fn is_beyond_borders(
+    mask: &LabelMask,
+    observed: &ObservedLabels,
+    at: usize,
+    border_px: u32,
+) -> bool {
     let held = mask.ids[at];
-    sighted.labels[at].is_some_and(|label| {
+    observed.labels[at].is_some_and(|label| {
         label != held
             && (!mask_has_near(mask, at, border_px, label)
-                || !sighted.has_near(at, border_px, held))
+                || !observed.has_near(at, border_px, held))
     })
 }
 
@@ -281,7 +296,7 @@ fn is_beyond_borders(mask: &LabelMask, sighted: &Sighted, at: usize, border_px: 
 /// Each is returned with the label that takes most of its pixels.
 fn drifted(
     mask: &LabelMask,
-    sighted: &Sighted,
+    observed: &ObservedLabels,
     cores: &BTreeMap<Pair, usize>,
     options: &ConsistencyOptions,
 ) -> BTreeMap<LabelId, LabelId> {
@@ -289,7 +304,7 @@ fn drifted(
     let both = mask
         .ids
         .iter()
-        .zip(&sighted.labels)
+        .zip(&observed.labels)
         .filter(|&(&held, &label)| label == Some(held));
     both.for_each(|(&held, _)| *agreed.entry(held).or_default() += 1);
     let labels: BTreeSet<LabelId> = cores
@@ -300,8 +315,9 @@ fn drifted(
         let of_label = cores
             .iter()
             .filter(|&(&(held, given), _)| held == *label || given == *label);
-        let contradicted: usize = of_label.map(|(_, count)| count).sum();
-        contradicted >= options.least_area && contradicted > agreed.get(label).copied().unwrap_or(0)
+        let vote_mismatch: usize = of_label.map(|(_, count)| count).sum();
+        vote_mismatch >= options.least_area
+            && vote_mismatch > agreed.get(label).copied().unwrap_or(0)
     };
     let taken_by = |label: LabelId| {
         let taken = cores.iter().filter(|&(&(held, _), _)| held == label);
@@ -324,14 +340,14 @@ fn drifted(
 fn spread(
     mask: &mut LabelMask,
     tracked: &LabelMask,
-    sighted: &Sighted,
+    observed: &ObservedLabels,
     found: &Conflicts,
     options: &ConsistencyOptions,
 ) {
     let (width, count) = (mask.width as usize, mask.ids.len());
     let mut steps = vec![u32::MAX; count];
     let is_start =
-        |&at: &usize| found.touched.contains(&tracked.ids[at]) && sighted.labels[at].is_some();
+        |&at: &usize| found.touched.contains(&tracked.ids[at]) && observed.labels[at].is_some();
     let mut open: VecDeque<usize> = (0..count).filter(is_start).collect();
     open.iter().for_each(|&at| steps[at] = 0);
     while let Some(at) = open.pop_front() {
@@ -339,13 +355,13 @@ fn spread(
         if steps[at] >= options.border_px && !found.drifted.contains_key(&object) {
             continue;
         }
-        let beside = [
+        let adjacent = [
             (at % width > 0).then(|| at - 1),
             (at % width + 1 < width).then(|| at + 1),
             at.checked_sub(width),
             (at + width < count).then(|| at + width),
         ];
-        for next in beside.into_iter().flatten() {
+        for next in adjacent.into_iter().flatten() {
             if tracked.ids[next] == object && steps[next] == u32::MAX {
                 steps[next] = steps[at] + 1;
                 mask.ids[next] = mask.ids[at];

@@ -111,7 +111,7 @@ impl<'a> CheckedPass<'a> {
     }
 
     fn seed(&mut self, frame: usize, mask: LabelMask, report: &mut ConsistencyReport) {
-        self.request.anchors.insert(frame, Arc::new(mask));
+        self.request.keyframes.insert(frame, Arc::new(mask));
         self.seeded = Some(frame);
         report.seeded.insert(frame);
         // A tracker that is stopped does not report the frames it skipped.
@@ -162,14 +162,14 @@ impl<'a> CheckedPass<'a> {
         let (tracked, steps) = (WalkedFrame { mask, confidence }, self.steps(frame));
         let held = match self.evidence(frame, report)? {
             Some(evidence) => {
-                let carried = || {
-                    let carried = self
-                        .keyframe_views
-                        .carry_to(frame, &evidence, self.progress)?;
-                    Ok(carried.map(|carried| carried.mask))
+                let transferred = || {
+                    let transferred =
+                        self.keyframe_views
+                            .transfer_to(frame, &evidence, self.progress)?;
+                    Ok(transferred.map(|transferred| transferred.mask))
                 };
-                let held = check_mask(tracked, &evidence, self.options, carried)?;
-                report.note(frame, held.mended);
+                let held = check_mask(tracked, &evidence, self.options, transferred)?;
+                report.note(frame, held.corrected);
                 held
             }
             None => CheckedMask::untouched(tracked),
@@ -177,8 +177,8 @@ impl<'a> CheckedPass<'a> {
         let is_rested = self
             .seeded
             .is_none_or(|last| last.abs_diff(frame) > self.options.rest);
-        let begins_anew = held.has_drifted && is_rested && !self.pending.is_empty();
-        let seed = begins_anew.then(|| End::Seed(frame, held.walked.mask.clone()));
+        let restarts = held.has_drifted && is_rested && !self.pending.is_empty();
+        let seed = restarts.then(|| End::Seed(frame, held.walked.mask.clone()));
         found(Answer {
             frame,
             walked: held.walked,
@@ -195,7 +195,7 @@ impl<'a> CheckedPass<'a> {
         frame: usize,
         report: &mut ConsistencyReport,
     ) -> Result<Option<ReprojectedLabels>, MaskError> {
-        let told = match self.request.direction {
+        let reported = match self.request.direction {
             Direction::Backward => {
                 self.ahead
                     .take(frame, self.pending.iter().rev().copied(), self.progress)
@@ -204,7 +204,7 @@ impl<'a> CheckedPass<'a> {
                 .ahead
                 .take(frame, self.pending.iter().copied(), self.progress),
         };
-        match told {
+        match reported {
             Err(MaskError::Stopped(stopped)) => return Err(stopped.into()),
             Ok(Some(evidence)) => return Ok(Some(evidence)),
             Ok(None) => {}
@@ -242,10 +242,10 @@ impl<'a> CheckedPass<'a> {
 
     /// Returns the number of frames since the pass last started.
     fn steps(&self, frame: usize) -> usize {
-        let anchors = &self.request.anchors;
+        let keyframes = &self.request.keyframes;
         let begun = match self.request.direction {
-            Direction::Backward => anchors.range(frame..).next(),
-            _ => anchors.range(..frame).next_back(),
+            Direction::Backward => keyframes.range(frame..).next(),
+            _ => keyframes.range(..frame).next_back(),
         };
         begun.map_or(1, |(begun, _)| begun.abs_diff(frame))
     }
@@ -287,10 +287,10 @@ impl<'a> EvidenceAhead<'a> {
                 .chain(next)
                 .take(rayon::current_num_threads())
                 .collect();
-            let told = frames
+            let reported = frames
                 .into_par_iter()
                 .map(|frame| (frame, self.keyframe_views.evidence_for(frame, progress)));
-            self.ready = told.collect();
+            self.ready = reported.collect();
         }
         Ok(self.ready.remove(&frame).transpose()?.flatten())
     }
@@ -305,7 +305,7 @@ pub struct ConsistencyReport {
     /// Frames checked.
     pub held: BTreeSet<usize>,
     /// Corrected pixels by frame; with two passes, the larger number.
-    pub mended: BTreeMap<usize, usize>,
+    pub corrected: BTreeMap<usize, usize>,
     /// Frames on which the tracker was restarted.
     pub seeded: BTreeSet<usize>,
     /// Frames that the tracker skipped before a restart.
@@ -318,11 +318,11 @@ pub struct ConsistencyReport {
 
 impl ConsistencyReport {
     /// Records the corrections of a frame.
-    pub fn note(&mut self, frame: usize, mended: usize) {
+    pub fn note(&mut self, frame: usize, corrected: usize) {
         self.held.insert(frame);
-        if mended > 0 {
-            let most = self.mended.entry(frame).or_default();
-            *most = mended.max(*most);
+        if corrected > 0 {
+            let most = self.corrected.entry(frame).or_default();
+            *most = corrected.max(*most);
         }
     }
 
@@ -330,14 +330,14 @@ impl ConsistencyReport {
     pub fn lines(&self, frames: &[Frame]) -> Vec<String> {
         let held = self.held.len();
         let mut lines = Vec::new();
-        if self.mended.is_empty() {
+        if self.corrected.is_empty() {
             lines.push(format!(
                 "geometry contradicts no mask of the {held} frames that were held against it"
             ));
         } else {
-            let pixels: usize = self.mended.values().sum();
-            let names = names(self.mended.keys(), frames);
-            let count = self.mended.len();
+            let pixels: usize = self.corrected.values().sum();
+            let names = names(self.corrected.keys(), frames);
+            let count = self.corrected.len();
             lines.push(format!(
                 "geometry mended {pixels} pixels in {count} of {held} frames: {names}"
             ));
@@ -345,7 +345,7 @@ impl ConsistencyReport {
         if !self.seeded.is_empty() {
             let names = names(self.seeded.iter(), frames);
             lines.push(format!(
-                "objects that strayed were given to the tracker anew on {names}"
+                "objects whose mask had drifted were restarted in the tracker on {names}"
             ));
         }
         if !self.left.is_empty() {

@@ -45,12 +45,12 @@ impl Tracker for ConsistencyTracker {
     ) -> Result<Vec<String>, MaskError> {
         progress.stage("track")?;
         request.check()?;
-        let carried = TrackRequest {
-            anchors: chosen(request),
+        let transferred = TrackRequest {
+            keyframes: chosen(request),
             ..request.clone()
         };
-        let views = DepthViews::new(&carried.frames, &carried.store);
-        let keyframe_views = KeyframeViews::new(&self.options.carry, &carried, &views);
+        let views = DepthViews::new(&transferred.frames, &transferred.store);
+        let keyframe_views = KeyframeViews::new(&self.options.transfer, &transferred, &views);
         check(request, &keyframe_views)?;
         let geometry = Geometry {
             keyframe_views: &keyframe_views,
@@ -71,7 +71,7 @@ impl Tracker for ConsistencyTracker {
 /// Returns the keyframes' masks, restricted to the labels that are tracked.
 fn chosen(request: &TrackRequest) -> BTreeMap<usize, Arc<LabelMask>> {
     let Some(chosen) = &request.labels else {
-        return request.anchors.clone();
+        return request.keyframes.clone();
     };
     let only = |mask: &LabelMask| {
         let ids = mask.ids.iter().map(|id| {
@@ -87,7 +87,7 @@ fn chosen(request: &TrackRequest) -> BTreeMap<usize, Arc<LabelMask>> {
         }
     };
     request
-        .anchors
+        .keyframes
         .iter()
         .map(|(&frame, mask)| (frame, Arc::new(only(mask))))
         .collect()
@@ -103,10 +103,10 @@ fn check(request: &TrackRequest, keyframe_views: &KeyframeViews<'_>) -> Result<(
         ));
     }
     let mut targets =
-        (request.from..=request.to).filter(|frame| !request.anchors.contains_key(frame));
+        (request.from..=request.to).filter(|frame| !request.keyframes.contains_key(frame));
     if !targets.any(|frame| keyframe_views.can_give_evidence_for(frame)) {
         return Err(MaskError::Request(format!(
-            "no frame from {} to {} besides the anchors has depth and a camera by which its mask could be constrained; \
+            "no frame from {} to {} besides the keyframes has depth and a camera by which its mask could be constrained; \
              give them, or track without --constrain",
             request.from, request.to
         )));
@@ -218,7 +218,7 @@ impl Run<'_> {
     /// Returns the requested frames that have a keyframe on the side the pass comes from.
     fn targets(&self, way: Direction) -> BTreeSet<usize> {
         let TrackRequest {
-            anchors,
+            keyframes,
             from,
             to,
             direction,
@@ -226,10 +226,10 @@ impl Run<'_> {
         } = self.request;
         let is_walked = *direction == Direction::Both || *direction == way;
         let is_reached = |frame: &usize| match way {
-            Direction::Backward => anchors.range(frame..).next().is_some(),
-            _ => anchors.range(..frame).next().is_some(),
+            Direction::Backward => keyframes.range(frame..).next().is_some(),
+            _ => keyframes.range(..frame).next().is_some(),
         };
-        let others = (*from..=*to).filter(|frame| is_walked && !anchors.contains_key(frame));
+        let others = (*from..=*to).filter(|frame| is_walked && !keyframes.contains_key(frame));
         others.filter(is_reached).collect()
     }
 

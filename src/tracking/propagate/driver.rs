@@ -28,7 +28,7 @@ pub(crate) trait MaskPropagator {
     }
 
     /// Propagates the masks to the next frame of the pass.
-    fn carry_to(
+    fn transfer_to(
         &mut self,
         frame: &PassFrame,
         ahead: &mut LookAhead<'_, '_>,
@@ -172,7 +172,7 @@ impl Run<'_> {
                     interval: section.interval_at(frame.index),
                     previous: from,
                 };
-                let answer = run.engine.carry_to(&frame, &mut ahead)?;
+                let answer = run.engine.transfer_to(&frame, &mut ahead)?;
                 self.take(run, direction, frame.index, answer);
                 previous = Some(frame.index);
             } else if !upcoming.has_keyframe(section) {

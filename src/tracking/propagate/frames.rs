@@ -78,7 +78,7 @@ impl<'a> FrameReader<'a> {
         if !other_sizes.is_empty() {
             let (named, count) = (self.named(other_sizes), other_sizes.len());
             lines.push(format!(
-                "{count} frames have pictures of another size than any frame with a mask and were left out: {named}; \
+                "{count} frames have images of another size than any frame with a mask and were left out: {named}; \
                  make a mask on one of them"
             ));
         }

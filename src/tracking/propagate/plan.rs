@@ -63,7 +63,7 @@ impl PropagationPlan {
         };
         if plan.steps() == 0 {
             return Err(MaskError::Request(format!(
-                "no frame from {} to {} lies on the side of an anchor that masks are carried to; choose another range or \
+                "no frame from {} to {} lies on the side of a keyframe to which masks are tracked; choose another range or \
                  direction",
                 request.from, request.to
             )));
@@ -92,14 +92,14 @@ impl PropagationPlan {
     /// Plans one section for every run of frames between the same keyframes.
     fn intervals(request: &TrackRequest) -> Self {
         let mut intervals: Vec<RequestedInterval> = Vec::new();
-        let is_asked = |frame: &usize| !request.anchors.contains_key(frame);
-        for frame in (request.from..=request.to).filter(is_asked) {
+        let is_requested = |frame: &usize| !request.keyframes.contains_key(frame);
+        for frame in (request.from..=request.to).filter(is_requested) {
             let mut before = request
-                .anchors
+                .keyframes
                 .range(..frame)
                 .next_back()
                 .map(|(&at, _)| at);
-            let mut after = request.anchors.range(frame..).next().map(|(&at, _)| at);
+            let mut after = request.keyframes.range(frame..).next().map(|(&at, _)| at);
             before = before.filter(|_| request.direction != Direction::Backward);
             after = after.filter(|_| request.direction != Direction::Forward);
             match intervals.last_mut() {
@@ -126,7 +126,7 @@ impl PropagationPlan {
     fn sequences(request: &TrackRequest) -> Result<Self, MaskError> {
         let size = |frame: usize| (request.frames[frame].width, request.frames[frame].height);
         let mut by_size: BTreeMap<(u32, u32), BTreeMap<usize, Arc<LabelMask>>> = BTreeMap::new();
-        for (&at, mask) in &request.anchors {
+        for (&at, mask) in &request.keyframes {
             if let Some(mask) = with_labels(mask, request.labels.as_ref()) {
                 by_size.entry(size(at)).or_default().insert(at, mask);
             }
@@ -136,10 +136,10 @@ impl PropagationPlan {
                 "no mask shows a label that is to be tracked; prompt or import one first".into(),
             ));
         }
-        let asked =
-            (request.from..=request.to).filter(|frame| !request.anchors.contains_key(frame));
-        let (asked, others): (BTreeSet<usize>, BTreeSet<usize>) =
-            asked.partition(|&at| by_size.contains_key(&size(at)));
+        let requested =
+            (request.from..=request.to).filter(|frame| !request.keyframes.contains_key(frame));
+        let (requested, others): (BTreeSet<usize>, BTreeSet<usize>) =
+            requested.partition(|&at| by_size.contains_key(&size(at)));
         let mut sections = Vec::new();
         for (of, keyframes) in by_size {
             let mut frames: Vec<usize> = (0..request.frames.len())
@@ -148,7 +148,7 @@ impl PropagationPlan {
             let pass = |direction: Direction, frames: &[usize]| {
                 let is_wanted = [Direction::Both, direction].contains(&request.direction);
                 if is_wanted {
-                    Pass::through(frames, &keyframes, &asked)
+                    Pass::through(frames, &keyframes, &requested)
                 } else {
                     Pass::default()
                 }
@@ -180,7 +180,7 @@ struct RequestedInterval {
 
 impl RequestedInterval {
     fn section(&self, request: &TrackRequest) -> Section {
-        let keyframe = |&at: &usize| (at, Arc::clone(&request.anchors[&at]));
+        let keyframe = |&at: &usize| (at, Arc::clone(&request.keyframes[&at]));
         let forward = self.before.map(|before| Pass {
             frames: (before..=self.to).collect(),
             targets: (self.from..=self.to).collect(),
@@ -239,7 +239,7 @@ impl Pass {
     fn through(
         frames: &[usize],
         keyframes: &BTreeMap<usize, Arc<LabelMask>>,
-        asked: &BTreeSet<usize>,
+        requested: &BTreeSet<usize>,
     ) -> Self {
         let mut last_shown: BTreeMap<LabelId, usize> = BTreeMap::new();
         let mut targets = BTreeSet::new();
@@ -250,7 +250,7 @@ impl Pass {
                     last_shown.extend(shown_labels(mask).into_iter().map(|label| (label, place)));
                     last_start = place;
                 }
-                None if !last_shown.is_empty() && asked.contains(frame) => {
+                None if !last_shown.is_empty() && requested.contains(frame) => {
                     targets.insert(*frame);
                     last_target = place;
                 }

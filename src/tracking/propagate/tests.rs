@@ -9,7 +9,7 @@ use super::{
     propagate, shown_labels,
 };
 use ostra_core::job::Progress;
-use ostra_frames::{Frame, FrameStore, Image, Orientation, PictureSource};
+use ostra_frames::{Frame, FrameStore, Image, ImageSource, Orientation};
 use ostra_masks::{Direction, LabelId, LabelMask, MaskError, TrackRequest, TrackedFrame};
 
 const WIDTH: u32 = 12;
@@ -17,11 +17,11 @@ const HEIGHT: u32 = 4;
 const A: LabelId = LabelId(3);
 const B: LabelId = LabelId(5);
 /// Confidence of the engine.
-const SURE: f32 = 0.75;
+const CONFIDENT: f32 = 0.75;
 
 /// An engine that records its calls as `r4 p5 …`; frames are identified by their colour.
 struct Still<'a> {
-    asked: &'a RefCell<Vec<String>>,
+    requested: &'a RefCell<Vec<String>>,
     known: BTreeMap<LabelId, Vec<bool>>,
 }
 
@@ -36,7 +36,7 @@ impl MaskPropagator for Still<'_> {
             .iter()
             .map(|label| if *label == A { 'A' } else { 'B' })
             .collect();
-        self.asked
+        self.requested
             .borrow_mut()
             .push(format!("r{}{given}", frame.image.pixels[0][0]));
         self.known.extend(
@@ -47,16 +47,16 @@ impl MaskPropagator for Still<'_> {
         Ok(())
     }
 
-    fn carry_to(
+    fn transfer_to(
         &mut self,
         frame: &PassFrame,
         _ahead: &mut LookAhead<'_, '_>,
     ) -> Result<Answer, MaskError> {
         let image: &Image = &frame.image;
-        self.asked
+        self.requested
             .borrow_mut()
             .push(format!("p{}", image.pixels[0][0]));
-        let rest = (1.0 - SURE) / self.known.len() as f32;
+        let rest = (1.0 - CONFIDENT) / self.known.len() as f32;
         let area = image.pixels.len();
         let mut probabilities = vec![rest; (1 + self.known.len()) * area];
         for at in 0..area {
@@ -65,7 +65,7 @@ impl MaskPropagator for Still<'_> {
                 .values()
                 .position(|inside| inside[at])
                 .map_or(0, |place| 1 + place);
-            probabilities[there * area + at] = SURE;
+            probabilities[there * area + at] = CONFIDENT;
         }
         Ok(Answer::most_probable(LabelProbabilities {
             labels: self.known.keys().copied().collect(),
@@ -83,21 +83,21 @@ struct Sequence {
 
 /// Result of a tracking run.
 struct Outcome {
-    asked: String,
+    requested: String,
     /// Frames in the order in which they were emitted.
     given: Vec<TrackedFrame>,
     ended: Result<Vec<String>, MaskError>,
 }
 
 impl Sequence {
-    fn new(count: usize, anchors: &[(usize, LabelMask)]) -> Self {
+    fn new(count: usize, keyframes: &[(usize, LabelMask)]) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let frame = |at: usize| {
             let path = folder.path().join(format!("{at:02}.png"));
             image::RgbImage::from_pixel(WIDTH, HEIGHT, image::Rgb([at as u8; 3]))
                 .save(&path)
                 .unwrap();
-            let picture = PictureSource::File {
+            let image = ImageSource::File {
                 path,
                 orientation: Orientation::default(),
             };
@@ -105,7 +105,7 @@ impl Sequence {
                 name: format!("{at:02}"),
                 width: WIDTH,
                 height: HEIGHT,
-                picture,
+                image,
                 depth: None,
                 camera: None,
             }
@@ -113,7 +113,7 @@ impl Sequence {
         let request = TrackRequest {
             frames: Arc::new((0..count).map(frame).collect()),
             store: Arc::new(FrameStore::new(1 << 20)),
-            anchors: anchors
+            keyframes: keyframes
                 .iter()
                 .map(|(at, mask)| (*at, Arc::new(mask.clone())))
                 .collect(),
@@ -131,7 +131,8 @@ impl Sequence {
 
     /// Tracks, and requests a stop after `count` frames have been emitted.
     fn track_until(&self, count: usize) -> Outcome {
-        let (progress, asked, mut given) = (Progress::default(), RefCell::default(), Vec::new());
+        let (progress, requested, mut given) =
+            (Progress::default(), RefCell::default(), Vec::new());
         let mut emit = |frame| {
             given.push(frame);
             if given.len() == count {
@@ -140,7 +141,7 @@ impl Sequence {
         };
         let make = |_: &Section| -> Box<dyn MaskPropagator + '_> {
             Box::new(Still {
-                asked: &asked,
+                requested: &requested,
                 known: BTreeMap::new(),
             })
         };
@@ -151,9 +152,9 @@ impl Sequence {
             &progress,
             &make,
         );
-        let asked = asked.borrow().join(" ");
+        let requested = requested.borrow().join(" ");
         Outcome {
-            asked,
+            requested,
             given,
             ended,
         }
@@ -163,14 +164,18 @@ impl Sequence {
 impl Outcome {
     /// Returns the numbers of the emitted frames, with `~` after preliminary ones.
     fn frames(&self) -> String {
-        let told = |frame: &TrackedFrame| {
+        let reported = |frame: &TrackedFrame| {
             format!(
                 "{}{}",
                 frame.frame,
                 if frame.preliminary { "~" } else { "" }
             )
         };
-        self.given.iter().map(told).collect::<Vec<_>>().join(" ")
+        self.given
+            .iter()
+            .map(reported)
+            .collect::<Vec<_>>()
+            .join(" ")
     }
 
     /// Returns the last result for a frame.
@@ -199,38 +204,41 @@ fn mask(parts: &[(LabelId, std::ops::Range<u32>)]) -> LabelMask {
 fn passes_run_in_both_directions_and_add_keyframes() {
     let mut sequence = Sequence::new(9, &[(3, mask(&[(A, 0..4)])), (6, mask(&[(A, 0..4)]))]);
     let outcome = sequence.track();
-    assert_eq!(outcome.asked, "r3A p4 p5 r6A p7 p8 r6A p5 p4 r3A p2 p1 p0");
+    assert_eq!(
+        outcome.requested,
+        "r3A p4 p5 r6A p7 p8 r6A p5 p4 r3A p2 p1 p0"
+    );
     assert_eq!(outcome.frames(), "4~ 5~ 7 8 5 4 2 1 0");
     assert!(outcome.ended.unwrap().is_empty());
     sequence.request.direction = Direction::Forward;
     let outcome = sequence.track();
     assert_eq!(
-        (outcome.asked.as_str(), outcome.frames().as_str()),
+        (outcome.requested.as_str(), outcome.frames().as_str()),
         ("r3A p4 p5 r6A p7 p8", "4 5 7 8")
     );
     sequence.request.direction = Direction::Backward;
     let outcome = sequence.track();
     assert_eq!(
-        (outcome.asked.as_str(), outcome.frames().as_str()),
+        (outcome.requested.as_str(), outcome.frames().as_str()),
         ("r6A p5 p4 r3A p2 p1 p0", "5 4 2 1 0")
     );
     assert_eq!(outcome.last(2).mask, mask(&[(A, 0..4)]));
-    assert_eq!(outcome.last(2).confidence, BTreeMap::from([(A, SURE)]));
+    assert_eq!(outcome.last(2).confidence, BTreeMap::from([(A, CONFIDENT)]));
 }
 
 #[test]
 fn nearest_keyframes_outside_the_range_are_read() {
-    let anchors = [
+    let keyframes = [
         (0, mask(&[(A, 0..2)])),
         (1, mask(&[(B, 8..9)])),
         (2, mask(&[(A, 0..4)])),
         (8, mask(&[(A, 0..4)])),
     ];
-    let mut sequence = Sequence::new(10, &anchors);
+    let mut sequence = Sequence::new(10, &keyframes);
     (sequence.request.from, sequence.request.to) = (4, 5);
     let outcome = sequence.track();
     // Label B comes from the last keyframe that shows it.
-    assert_eq!(outcome.asked, "r1B r2A p3 p4 p5 r8A p7 p6 p5 p4");
+    assert_eq!(outcome.requested, "r1B r2A p3 p4 p5 r8A p7 p6 p5 p4");
     assert_eq!(outcome.frames(), "4~ 5~ 5 4");
     assert_eq!(outcome.last(4).mask, mask(&[(A, 0..4), (B, 8..9)]));
     (
@@ -239,14 +247,14 @@ fn nearest_keyframes_outside_the_range_are_read() {
         sequence.request.direction,
     ) = (9, 9, Direction::Backward);
     let text = sequence.track().ended.unwrap_err().to_string();
-    assert!(text.contains("side of an anchor"), "{text}");
+    assert!(text.contains("side of a keyframe"), "{text}");
 }
 
 #[test]
 fn label_of_a_later_keyframe_is_added_and_propagated_back() {
     let sequence = Sequence::new(7, &[(0, mask(&[(A, 0..4)])), (4, mask(&[(B, 8..10)]))]);
     let outcome = sequence.track();
-    assert_eq!(outcome.asked, "r0A p1 p2 p3 r4B p5 p6 r4B p3 p2 p1");
+    assert_eq!(outcome.requested, "r0A p1 p2 p3 r4B p5 p6 r4B p3 p2 p1");
     assert_eq!(
         outcome.given[1].mask,
         mask(&[(A, 0..4)]),
@@ -257,7 +265,7 @@ fn label_of_a_later_keyframe_is_added_and_propagated_back() {
         assert_eq!(outcome.last(frame).mask, both, "frame {frame}");
         assert_eq!(
             outcome.last(frame).confidence,
-            BTreeMap::from([(A, SURE), (B, SURE)])
+            BTreeMap::from([(A, CONFIDENT), (B, CONFIDENT)])
         );
     }
 }
@@ -269,7 +277,7 @@ fn nearer_keyframe_has_more_weight() {
     assert_eq!(outcome.last(2).mask, mask(&[(A, 0..4)]));
     assert_eq!(outcome.last(8).mask, mask(&[(A, 4..8)]));
     // The passes share no pixel, so the confidence is half of that in full agreement.
-    assert!((outcome.last(2).confidence[&A] - SURE / 2.0).abs() < 1e-6);
+    assert!((outcome.last(2).confidence[&A] - CONFIDENT / 2.0).abs() < 1e-6);
     assert!(
         outcome
             .given
@@ -285,7 +293,7 @@ fn finished_frames_survive_a_stop() {
     let outcome = sequence.track_until(3);
     assert!(matches!(outcome.ended, Err(MaskError::Stopped(_))));
     assert_eq!(
-        (outcome.frames().as_str(), outcome.asked.as_str()),
+        (outcome.frames().as_str(), outcome.requested.as_str()),
         ("1 2 3", "r0A p1 p2 p3")
     );
 }
@@ -298,7 +306,10 @@ fn only_requested_labels_are_tracked() {
     );
     sequence.request.labels = Some(BTreeSet::from([B]));
     let outcome = sequence.track();
-    assert_eq!(outcome.asked, "r0B p1 p2 p3", "the other anchor shows none");
+    assert_eq!(
+        outcome.requested, "r0B p1 p2 p3",
+        "the other keyframe shows none"
+    );
     assert_eq!(outcome.last(3).mask, mask(&[(B, 6..8)]));
     sequence.request.labels = Some(BTreeSet::from([LabelId(9)]));
     assert!(
@@ -320,7 +331,7 @@ fn images_of_another_size_get_their_own_pass_or_a_warning() {
         image::RgbImage::from_pixel(20, 10, image::Rgb([at as u8; 3]))
             .save(&path)
             .unwrap();
-        frames[at].picture = PictureSource::File {
+        frames[at].image = ImageSource::File {
             path,
             orientation: Orientation::default(),
         };
@@ -328,7 +339,7 @@ fn images_of_another_size_get_their_own_pass_or_a_warning() {
     }
     sequence.request.frames = Arc::new(frames);
     let outcome = sequence.track();
-    assert_eq!(outcome.asked, "r0A p1 p3 p5");
+    assert_eq!(outcome.requested, "r0A p1 p3 p5");
     let warnings = outcome.ended.unwrap().join(" ");
     assert!(
         warnings.contains("2 frames")
@@ -337,9 +348,9 @@ fn images_of_another_size_get_their_own_pass_or_a_warning() {
     );
     let mut large = LabelMask::empty(20, 10);
     large.ids[7] = B;
-    sequence.request.anchors.insert(4, Arc::new(large));
+    sequence.request.keyframes.insert(4, Arc::new(large));
     let outcome = sequence.track();
-    assert_eq!(outcome.asked, "r0A p1 p3 p5 r4B p2");
+    assert_eq!(outcome.requested, "r0A p1 p3 p5 r4B p2");
     assert!(outcome.ended.as_ref().unwrap().is_empty());
     assert_eq!(
         (outcome.last(2).mask.width, outcome.last(2).mask.ids[7]),
@@ -356,8 +367,8 @@ fn unreadable_frames_are_skipped_and_named() {
     [2, 4].into_iter().for_each(remove);
     let outcome = sequence.track();
     assert_eq!(
-        outcome.asked, "r0A p1 p3",
-        "nothing starts from an anchor that cannot be read"
+        outcome.requested, "r0A p1 p3",
+        "nothing starts from a keyframe that cannot be read"
     );
     assert_eq!(outcome.frames(), "1~ 3~ 1 3", "no answer stays preliminary");
     let warnings = outcome.ended.unwrap().join(" ");

@@ -57,9 +57,9 @@ impl DepthLeak {
         let limits = Limits { tolerance, focal };
         let patches = patches(view, mask, &limits);
         let mut shown = vec![0.0; mask.ids.len()];
-        let (front, doubtful): (Vec<&Patch>, Vec<&Patch>) =
+        let (front, uncertain): (Vec<&Patch>, Vec<&Patch>) =
             patches.iter().partition(|patch| patch.fronts > patch.leaks);
-        for patch in doubtful
+        for patch in uncertain
             .into_iter()
             .filter(|patch| patch.pixels.len() <= HALF_WIDTH * patch.leaks)
         {
@@ -137,7 +137,7 @@ fn patch(
     while let Some(&at) = patch.pixels.get(next) {
         next += 1;
         patch.around = patch.around.union(&PixelBox::pixel(at % width, at / width));
-        for (to, steps) in (0..4).filter_map(|side| beside(view, mask, at, side)) {
+        for (to, steps) in (0..4).filter_map(|side| adjacent(view, mask, at, side)) {
             let step = depths[to] - depths[at];
             let goes_on = step.abs() <= limits.jump(depths[at], steps);
             if mask.ids[to] != label {
@@ -155,7 +155,7 @@ fn patch(
 }
 
 /// Returns the next pixel with depth on one of four sides, and its distance in steps.
-fn beside(view: &DepthView, mask: &LabelMask, at: usize, side: usize) -> Option<(usize, usize)> {
+fn adjacent(view: &DepthView, mask: &LabelMask, at: usize, side: usize) -> Option<(usize, usize)> {
     let (width, height) = (view.width(), view.height());
     let (x, y) = (at % width, at / width);
     let label = mask.ids[at];

@@ -198,7 +198,7 @@ impl<'a> DepthViews<'a> {
             .find(|&size| size != (of.width, of.height))
         {
             let text = format!(
-                "{}: picture {}x{}, camera or depth {width}x{height}",
+                "{}: image {}x{}, camera or depth {width}x{height}",
                 of.name, of.width, of.height
             );
             return Err(MaskError::Request(format!("{text}; give them in one size")));

@@ -8,14 +8,14 @@ use ostra_geometry::is_same_depth;
 
 /// The nearest surface drawn at a pixel.
 #[derive(Debug, Clone, Copy)]
-pub struct Drawn {
+pub struct NearestSurface {
     /// Depth in the target; infinite if nothing was drawn.
     pub depth: f32,
     /// Pixel of the source.
     pub from: u32,
 }
 
-impl Drawn {
+impl NearestSurface {
     pub const NOTHING: Self = Self {
         depth: f32::INFINITY,
         from: 0,
@@ -29,7 +29,7 @@ const SAME_SURFACE: f32 = 0.03;
 
 /// A source pixel projected to the target.
 #[derive(Debug, Clone, Copy)]
-struct Seen {
+struct ReprojectedPixel {
     at_px: Vec2,
     depth: f32,
     own_depth: f32,
@@ -41,7 +41,7 @@ struct Seen {
 pub fn draw(
     source: &DepthView,
     target: &DepthView,
-    canvas: &mut [Drawn],
+    canvas: &mut [NearestSurface],
     progress: &Progress,
 ) -> Result<(), Stopped> {
     let reprojection = Reprojection::new(&source.posed, &target.posed);
@@ -51,13 +51,13 @@ pub fn draw(
         let point: Vec3 = source.point(at)?;
         let moved = reprojection.transform(point);
         let at_px = reprojection.project(moved).filter(|at| at.is_finite())?;
-        Some(Seen {
+        Some(ReprojectedPixel {
             at_px,
             depth: moved.z,
             own_depth: point.z,
         })
     };
-    let mut next: Vec<Option<Seen>> = (0..width).map(&see).collect();
+    let mut next: Vec<Option<ReprojectedPixel>> = (0..width).map(&see).collect();
     for row in 0..height {
         if row % 32 == 0 {
             progress.check()?;
@@ -83,8 +83,14 @@ pub fn draw(
 /// Returns half the sides of a pixel's footprint; `None` for a surface seen from behind.
 ///
 /// The footprint reaches the neighbours on the same surface.
-fn footprint(seen: Seen, right: Option<Seen>, below: Option<Seen>, zoom: f32) -> Option<Vec2> {
-    let same = |other: &Seen| is_same_depth(other.own_depth, seen.own_depth, SAME_SURFACE);
+fn footprint(
+    seen: ReprojectedPixel,
+    right: Option<ReprojectedPixel>,
+    below: Option<ReprojectedPixel>,
+    zoom: f32,
+) -> Option<Vec2> {
+    let same =
+        |other: &ReprojectedPixel| is_same_depth(other.own_depth, seen.own_depth, SAME_SURFACE);
     let plain = Vec2::splat(0.5 * zoom * seen.own_depth / seen.depth);
     let half = match (right.filter(same), below.filter(same)) {
         (Some(right), Some(below)) => {
@@ -100,7 +106,13 @@ fn footprint(seen: Seen, right: Option<Seen>, below: Option<Seen>, zoom: f32) ->
     Some((half + 0.25).min(Vec2::splat(LARGEST_HALF)))
 }
 
-fn fill(canvas: &mut [Drawn], target: &DepthView, seen: Seen, half: Vec2, from: u32) {
+fn fill(
+    canvas: &mut [NearestSurface],
+    target: &DepthView,
+    seen: ReprojectedPixel,
+    half: Vec2,
+    from: u32,
+) {
     let (low, high) = (seen.at_px - half, seen.at_px + half);
     let (width, height) = (target.width(), target.height());
     if high.x < 0.0 || high.y < 0.0 || low.x >= width as f32 || low.y >= height as f32 {
@@ -111,7 +123,7 @@ fn fill(canvas: &mut [Drawn], target: &DepthView, seen: Seen, half: Vec2, from: 
     for row in top..=bottom {
         for drawn in &mut canvas[row * width + left..=row * width + right] {
             if seen.depth < drawn.depth {
-                *drawn = Drawn {
+                *drawn = NearestSurface {
                     depth: seen.depth,
                     from,
                 };
@@ -151,7 +163,7 @@ impl<'a> Completion<'a> {
 
     /// Draws another frame's surfaces.
     pub fn add(&mut self, source: &DepthView, progress: &Progress) -> Result<(), Stopped> {
-        let mut canvas = vec![Drawn::NOTHING; self.view.rays.len()];
+        let mut canvas = vec![NearestSurface::NOTHING; self.view.rays.len()];
         draw(source, self.view, &mut canvas, progress)?;
         for (&hole, drawn) in self.holes.iter().zip(&mut self.drawn) {
             let depth = canvas[hole as usize].depth;

@@ -271,17 +271,17 @@ const GRID: usize = 16;
 /// proximity and similar viewing direction.
 pub fn keyframes_for(
     target: &DepthView,
-    anchors: &[(PosedCamera, &[LabelId])],
+    keyframes: &[(PosedCamera, &[LabelId])],
     most: usize,
 ) -> Vec<usize> {
     let points = target.grid(GRID);
-    let overlap: Vec<f32> = anchors
+    let overlap: Vec<f32> = keyframes
         .iter()
         .map(|(posed, _)| overlap(&target.posed, &points, posed))
         .collect();
     let mut of_label: BTreeMap<LabelId, Vec<usize>> = BTreeMap::new();
-    for place in (0..anchors.len()).filter(|&place| overlap[place] > 0.0) {
-        for &label in anchors[place].1 {
+    for place in (0..keyframes.len()).filter(|&place| overlap[place] > 0.0) {
+        for &label in keyframes[place].1 {
             of_label.entry(label).or_default().push(place);
         }
     }

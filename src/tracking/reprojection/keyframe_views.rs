@@ -25,7 +25,7 @@ impl<'a> KeyframeViews<'a> {
     ) -> Self {
         let mut left_out = Vec::new();
         let mut keyframes = Vec::new();
-        for (&frame, mask) in &request.anchors {
+        for (&frame, mask) in &request.keyframes {
             match views.posed_camera(frame) {
                 Some(posed) => keyframes.push(GivenKeyframe {
                     frame,
@@ -122,7 +122,7 @@ impl<'a> KeyframeViews<'a> {
     ///
     /// # Errors
     /// [`MaskError::Stopped`] if the user stops the job.
-    pub fn carry_to(
+    pub fn transfer_to(
         &self,
         frame: usize,
         evidence: &ReprojectedLabels,
@@ -167,7 +167,7 @@ impl ReprojectedLabels {
         if self.target.depth.depths[pixel] <= 0.0 {
             return None;
         }
-        let is_sure = |label: LabelId, shown: LabelId| {
+        let is_confident = |label: LabelId, shown: LabelId| {
             let [own, all] = self.votes.at(pixel, label, shown);
             all >= weight && own >= share * all
         };
@@ -178,8 +178,8 @@ impl ReprojectedLabels {
             .filter_map(|(_, view_labels)| Some(view_labels.at(pixel)?.0));
         let named = seen
             .filter(|&label| label != LabelId::NONE)
-            .find(|&label| is_sure(label, label));
-        named.or_else(|| is_sure(held, LabelId::NONE).then_some(LabelId::NONE))
+            .find(|&label| is_confident(label, label));
+        named.or_else(|| is_confident(held, LabelId::NONE).then_some(LabelId::NONE))
     }
 
     /// Returns whether something new has appeared at a pixel.

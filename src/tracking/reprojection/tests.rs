@@ -10,7 +10,7 @@ use glam::{DQuat, DVec3};
 
 use super::{GeometryTracker, ReprojectionOptions};
 use ostra_core::job::Progress;
-use ostra_frames::{DepthSource, Frame, FrameCamera, FrameStore, Orientation, PictureSource};
+use ostra_frames::{DepthSource, Frame, FrameCamera, FrameStore, ImageSource, Orientation};
 use ostra_geometry::{Camera, Distortion, Pose};
 use ostra_masks::{Direction, LabelId, LabelMask, MaskError, TrackRequest, TrackedFrame, Tracker};
 
@@ -125,11 +125,11 @@ impl Room {
         mask
     }
 
-    fn request(&self, anchors: impl IntoIterator<Item = (usize, LabelMask)>) -> TrackRequest {
+    fn request(&self, keyframes: impl IntoIterator<Item = (usize, LabelMask)>) -> TrackRequest {
         TrackRequest {
             frames: Arc::new(self.frames.clone()),
             store: Arc::new(FrameStore::new(16 << 20)),
-            anchors: anchors
+            keyframes: keyframes
                 .into_iter()
                 .map(|(frame, mask)| (frame, Arc::new(mask)))
                 .collect(),
@@ -147,7 +147,7 @@ fn frame(folder: &Path, k: usize, camera: FrameCamera) -> Frame {
         name: format!("c{k}.png"),
         width: WIDTH,
         height: HEIGHT,
-        picture: PictureSource::File {
+        image: ImageSource::File {
             path: folder.join(format!("c{k}.png")),
             orientation,
         },
@@ -196,7 +196,7 @@ fn mask_is_reprojected_to_views_on_both_sides() {
     assert_eq!(
         tracked.keys().copied().collect::<Vec<_>>(),
         [0, 1, 3, 4],
-        "an anchor is not answered"
+        "a keyframe is not answered"
     );
     assert!(warnings.is_empty());
     for (&k, frame) in &tracked {
@@ -328,7 +328,7 @@ fn unreadable_frames_are_skipped_and_named_in_one_line() {
             .unwrap()
     };
     // Depth of a target that also fills holes, image of a target, depth of a keyframe.
-    for path in [depth(1), room.frames[3].picture.path(), depth(5)] {
+    for path in [depth(1), room.frames[3].image.path(), depth(5)] {
         std::fs::write(path, "").unwrap();
     }
     let request = || room.request([0, 5].map(|k| (k, room.truth[k].clone())));

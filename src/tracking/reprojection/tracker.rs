@@ -35,7 +35,7 @@ impl Tracker for GeometryTracker {
         progress.stage("track")?;
         let views = DepthViews::new(&request.frames, &request.store);
         let run = Run::new(&self.options, request, &views, progress)?;
-        let missed = run.carry_all(emit)?;
+        let missed = run.transfer_all(emit)?;
         Ok(run.warnings(&missed))
     }
 }
@@ -65,7 +65,7 @@ impl<'a> Run<'a> {
         let mut keyframe_views = KeyframeViews::new(options, request, views);
         check_keyframes(&keyframe_views)?;
         let others =
-            (request.from..=request.to).filter(|frame| !request.anchors.contains_key(frame));
+            (request.from..=request.to).filter(|frame| !request.keyframes.contains_key(frame));
         let (targets, without): (Vec<usize>, Vec<usize>) = others
             .filter(|&frame| keyframe_views.reach(frame))
             .partition(|&frame| keyframe_views.can_give_evidence_for(frame));
@@ -73,7 +73,7 @@ impl<'a> Run<'a> {
         left_out.extend(without);
         if targets.is_empty() {
             return Err(MaskError::Request(format!(
-                "no frame from {} to {} besides the anchors has depth and a camera that masks could be carried to",
+                "no frame from {} to {} other than the keyframes has depth and a camera for re-projection",
                 request.from, request.to
             )));
         }
@@ -96,12 +96,15 @@ impl<'a> Run<'a> {
     ///
     /// # Errors
     /// Returns the reading error if no target gets a mask, or [`MaskError::Stopped`].
-    pub fn carry_all(&self, emit: &mut dyn FnMut(TrackedFrame)) -> Result<Vec<usize>, MaskError> {
+    pub fn transfer_all(
+        &self,
+        emit: &mut dyn FnMut(TrackedFrame),
+    ) -> Result<Vec<usize>, MaskError> {
         let mut missed = Vec::new();
         for chunk in self.targets.chunks(4 * rayon::current_num_threads()) {
             let answers: Vec<Result<Option<TrackedFrame>, MaskError>> = chunk
                 .par_iter()
-                .map(|&frame| self.carry_to(frame))
+                .map(|&frame| self.transfer_to(frame))
                 .collect();
             let mut failed = None;
             for (&frame, answer) in chunk.iter().zip(answers) {
@@ -145,9 +148,11 @@ impl<'a> Run<'a> {
     /// Re-projects masks to one frame.
     ///
     /// Returns `None` if the frame, or all keyframes with evidence for it, cannot be read.
-    fn carry_to(&self, frame: usize) -> Result<Option<TrackedFrame>, MaskError> {
-        let carried = match self.keyframe_views.evidence_for(frame, self.progress)? {
-            Some(votes) => self.keyframe_views.carry_to(frame, &votes, self.progress)?,
+    fn transfer_to(&self, frame: usize) -> Result<Option<TrackedFrame>, MaskError> {
+        let transferred = match self.keyframe_views.evidence_for(frame, self.progress)? {
+            Some(votes) => self
+                .keyframe_views
+                .transfer_to(frame, &votes, self.progress)?,
             None => None,
         };
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
@@ -158,7 +163,7 @@ impl<'a> Run<'a> {
             confidence,
             preliminary: false,
         };
-        Ok(carried.map(tracked))
+        Ok(transferred.map(tracked))
     }
 }
 

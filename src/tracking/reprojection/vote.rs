@@ -2,7 +2,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::depth_view::{DepthView, PixelBox, Reprojection};
-use super::draw::{Drawn, draw};
+use super::draw::{NearestSurface, draw};
 use super::keyframe::Keyframe;
 use super::options::{ReprojectionOptions, Tolerance};
 use ostra_core::job::{Progress, Stopped};
@@ -139,7 +139,7 @@ fn draw_in_holes(
     view_labels: &mut ViewLabels,
 ) -> Result<(), Stopped> {
     let (keyframe, target) = (question.keyframe, question.target);
-    let mut canvas = vec![Drawn::NOTHING; target.rays.len()];
+    let mut canvas = vec![NearestSurface::NOTHING; target.rays.len()];
     draw(&keyframe.view, target, &mut canvas, question.progress)?;
     for (at, drawn) in canvas.iter().enumerate() {
         if drawn.depth < f32::INFINITY && target.depth.depths[at] <= 0.0 {

@@ -23,7 +23,7 @@ const LEAST_SIDES: f32 = 3.0;
 /// A frame with the voxel of every pixel, and the image segmenter's version of it.
 pub struct FrameBodies {
     surfaces: Arc<Surfaces>,
-    picture: Arc<dyn PreparedFrame>,
+    prepared: Arc<dyn PreparedFrame>,
     image: Arc<Image>,
     /// Depths, with holes filled from other frames; 0 where unknown.
     depths: Vec<f32>,
@@ -52,7 +52,7 @@ impl FrameBodies {
     pub fn new(
         surfaces: Arc<Surfaces>,
         views: &[(DepthView, Arc<Image>)],
-        picture: Arc<dyn PreparedFrame>,
+        prepared: Arc<dyn PreparedFrame>,
         progress: &Progress,
     ) -> Result<Self, SceneError> {
         let (view, image) = &views[0];
@@ -75,7 +75,7 @@ impl FrameBodies {
         );
         Ok(Self {
             surfaces,
-            picture,
+            prepared,
             image: image.clone(),
             depths,
             tolerance,
@@ -259,7 +259,7 @@ impl PreparedFrame for FrameBodies {
             .solid(&prompt.clicks)
             .filter(|_| prompt.boxes.is_empty())
         else {
-            return self.picture.segment(request, progress);
+            return self.prepared.segment(request, progress);
         };
         let before = previous.and_then(|previous| {
             let (_, clicks) = prompt.clicks.split_last()?;
@@ -286,7 +286,7 @@ impl PreparedFrame for FrameBodies {
                     previous: Some(&answer),
                     taken,
                 };
-                let asked = self.picture.segment(&request, progress)?;
+                let requested = self.prepared.segment(&request, progress)?;
                 let is_unknown = self.surface_at(click).is_none();
                 let is_free =
                     |at: usize| self.is_at(click, at) || is_unknown && self.seen[at].is_none();
@@ -296,7 +296,7 @@ impl PreparedFrame for FrameBodies {
                     .enumerate()
                     .filter(|(at, _)| is_free(*at))
                 {
-                    *inside = asked.inside[at];
+                    *inside = requested.inside[at];
                 }
             }
         }
@@ -304,6 +304,6 @@ impl PreparedFrame for FrameBodies {
     }
 
     fn bytes(&self) -> usize {
-        self.surfaces.bytes() + self.picture.bytes() + self.seen.len() * 12
+        self.surfaces.bytes() + self.prepared.bytes() + self.seen.len() * 12
     }
 }

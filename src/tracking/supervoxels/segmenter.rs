@@ -14,7 +14,7 @@ const MOST_VIEWS: usize = 16;
 const LEAST_VIEWS: usize = 3;
 
 /// Frame indices, and their depth and images.
-type Seen = (Vec<usize>, Vec<(DepthView, Arc<Image>)>);
+type CachedViews = (Vec<usize>, Vec<(DepthView, Arc<Image>)>);
 
 /// The segmenter `geometry`: selects objects by their connectivity in 3-D.
 ///
@@ -24,7 +24,7 @@ type Seen = (Vec<usize>, Vec<(DepthView, Arc<Image>)>);
 pub struct GeometrySegmenter {
     frames: Arc<Vec<Frame>>,
     store: Arc<FrameStore>,
-    picture: Arc<dyn Segmenter>,
+    prepared: Arc<dyn Segmenter>,
     /// The latest surfaces, with the frames that they are made of.
     made: Mutex<Option<(Vec<usize>, Arc<Surfaces>)>>,
 }
@@ -37,12 +37,12 @@ impl GeometrySegmenter {
     pub fn new(
         frames: Arc<Vec<Frame>>,
         store: Arc<FrameStore>,
-        picture: Arc<dyn Segmenter>,
+        prepared: Arc<dyn Segmenter>,
     ) -> Self {
         Self {
             frames,
             store,
-            picture,
+            prepared,
             made: Mutex::default(),
         }
     }
@@ -56,7 +56,11 @@ impl GeometrySegmenter {
     /// Returns a frame and those that see the same surfaces, with their indices.
     ///
     /// The frame itself comes first. Returns `None` if too few frames can be read.
-    fn views_of(&self, views: &DepthViews<'_>, frame: usize) -> Result<Option<Seen>, MaskError> {
+    fn views_of(
+        &self,
+        views: &DepthViews<'_>,
+        frame: usize,
+    ) -> Result<Option<CachedViews>, MaskError> {
         if views.posed_camera(frame).is_none() {
             return Ok(None);
         }
@@ -91,10 +95,10 @@ impl GeometrySegmenter {
         Ok(surfaces)
     }
 
-    fn bodies(
+    fn supervoxels(
         &self,
         frame: usize,
-        picture: &Arc<dyn PreparedFrame>,
+        prepared: &Arc<dyn PreparedFrame>,
         progress: &Progress,
     ) -> Result<Option<FrameBodies>, SceneError> {
         let views = DepthViews::new(&self.frames, &self.store);
@@ -102,7 +106,7 @@ impl GeometrySegmenter {
             return Ok(None);
         };
         let surfaces = self.surfaces(&of, &loaded, progress)?;
-        FrameBodies::new(surfaces, &loaded, Arc::clone(picture), progress).map(Some)
+        FrameBodies::new(surfaces, &loaded, Arc::clone(prepared), progress).map(Some)
     }
 }
 
@@ -117,7 +121,7 @@ impl Segmenter for GeometrySegmenter {
         depth: Option<&Arc<DepthMap>>,
         progress: &Progress,
     ) -> Result<Arc<dyn PreparedFrame>, MaskError> {
-        self.picture.prepare(image, depth, progress)
+        self.prepared.prepare(image, depth, progress)
     }
 
     fn prepare_frame(
@@ -127,12 +131,14 @@ impl Segmenter for GeometrySegmenter {
         depth: Option<&Arc<DepthMap>>,
         progress: &Progress,
     ) -> Result<Arc<dyn PreparedFrame>, MaskError> {
-        let picture = self.prepare(image, depth, progress)?;
+        let prepared = self.prepare(image, depth, progress)?;
         let Some(number) = self.frames.iter().position(|other| other == frame) else {
-            return Ok(picture);
+            return Ok(prepared);
         };
-        match self.bodies(number, &picture, progress) {
-            Ok(bodies) => Ok(bodies.map_or(picture, |bodies| Arc::new(bodies))),
+        match self.supervoxels(number, &prepared, progress) {
+            Ok(supervoxels) => {
+                Ok(supervoxels.map_or(prepared, |supervoxels| Arc::new(supervoxels)))
+            }
             Err(SceneError::Stopped(stopped)) => Err(stopped.into()),
             Err(SceneError::Mask(error)) => Err(error),
             Err(error) => Err(MaskError::Request(error.to_string())),

@@ -35,28 +35,31 @@ const LARGEST_SHARE: f32 = 0.35;
 /// squared IoU with all others.
 pub struct Surfaces {
     pub voxels: Voxels,
-    partings: Vec<Partition>,
+    separating_all: Vec<Partition>,
 }
 
 impl Surfaces {
     pub fn of(views: &[(DepthView, Arc<Image>)], progress: &Progress) -> Result<Self, SceneError> {
         let least_views = if views.len() > 2 { 2 } else { 1 };
         let voxels = Voxels::of(views, side(views), least_views, progress)?;
-        let mut partings = Vec::new();
+        let mut separating_all = Vec::new();
         for neighbours in NORMAL_NEIGHBOURS {
             let normals = voxels.normals(neighbours, progress)?;
-            let parting = |sides: f32| {
+            let separating = |sides: f32| {
                 let parts = Supervoxels::of(&voxels, &normals, sides * voxels.side, progress)?;
                 Ok(Partition::new(parts, voxels.side))
             };
-            partings.extend(
+            separating_all.extend(
                 STEP_SIDES
                     .into_par_iter()
-                    .map(parting)
+                    .map(separating)
                     .collect::<Result<Vec<_>, SceneError>>()?,
             );
         }
-        Ok(Self { voxels, partings })
+        Ok(Self {
+            voxels,
+            separating_all,
+        })
     }
 
     /// Returns the voxels that clicks select: of all answers the most typical one.
@@ -65,9 +68,9 @@ impl Surfaces {
     pub fn answer(&self, clicks: &[VoxelClick]) -> Option<VoxelSet> {
         let most = (LARGEST_SHARE * self.voxels.len() as f32) as u32;
         let answers: Vec<VoxelSet> = self
-            .partings
+            .separating_all
             .par_iter()
-            .flat_map_iter(|parting| parting.answers(clicks))
+            .flat_map_iter(|separating| separating.answers(clicks))
             .collect();
         let mut answers: Vec<VoxelSet> = answers
             .into_iter()
@@ -86,7 +89,12 @@ impl Surfaces {
     }
 
     pub fn bytes(&self) -> usize {
-        self.voxels.bytes() + self.partings.iter().map(Partition::bytes).sum::<usize>()
+        self.voxels.bytes()
+            + self
+                .separating_all
+                .iter()
+                .map(Partition::bytes)
+                .sum::<usize>()
     }
 }
 
@@ -126,7 +134,7 @@ const EXCLUDED_REACH: f32 = 1.5;
 /// Relative depth at which an exclude click separates two objects.
 ///
 /// The depth is relative to the deepest exclude click. Shallower clicks correct a border.
-const PARTING_SHARE: f32 = 0.5;
+const SEPARATION_SHARE: f32 = 0.5;
 /// Reach of a further include click, relative to its distance from the answer.
 const INCLUDED_REACH: f32 = 2.0;
 
@@ -188,12 +196,13 @@ impl Partition {
         let deepest = excluded()
             .map(|around| around.click.depth)
             .fold(0.0, f32::max);
-        let parting = excluded().filter(|around| around.click.depth >= PARTING_SHARE * deepest);
-        let parting: Vec<u32> = parting.map(|around| around.part).collect();
-        let apart: &[&[u32]] = if parting.is_empty() {
+        let separating =
+            excluded().filter(|around| around.click.depth >= SEPARATION_SHARE * deepest);
+        let separating: Vec<u32> = separating.map(|around| around.part).collect();
+        let apart: &[&[u32]] = if separating.is_empty() {
             &[&[]]
         } else {
-            &[&[], &parting]
+            &[&[], &separating]
         };
         let things = self
             .trees

@@ -9,7 +9,7 @@ use super::surfaces::Surfaces;
 use crate::reprojection::{DepthView, PosedCamera, rays_of};
 use ostra_core::job::Progress;
 use ostra_frames::{
-    DepthMap, DepthSource, Frame, FrameCamera, FrameStore, Image, Orientation, PictureSource,
+    DepthMap, DepthSource, Frame, FrameCamera, FrameStore, Image, ImageSource, Orientation,
 };
 use ostra_geometry::{Camera, Pose};
 use ostra_masks::{Click, MaskError, PreparedFrame, Prompt, Region, SegmentRequest, Segmenter};
@@ -157,11 +157,11 @@ fn view(aside: f64) -> (DepthView, Arc<Image>, Vec<u8>) {
 /// Writes a view to files.
 fn recorded(folder: &Path, number: usize, aside: f64) -> Frame {
     let (view, shown, _) = view(aside);
-    let [picture, depth] = ["c", "d"].map(|kind| folder.join(format!("{kind}{number}.png")));
+    let [prepared, depth] = ["c", "d"].map(|kind| folder.join(format!("{kind}{number}.png")));
     let colors = shown.pixels.as_flattened().to_vec();
     image::RgbImage::from_raw(SIZE.0, SIZE.1, colors)
         .unwrap()
-        .save(&picture)
+        .save(&prepared)
         .unwrap();
     let steps = view
         .depth
@@ -177,8 +177,8 @@ fn recorded(folder: &Path, number: usize, aside: f64) -> Frame {
         name: format!("c{number}.png"),
         width: SIZE.0,
         height: SIZE.1,
-        picture: PictureSource::File {
-            path: picture,
+        image: ImageSource::File {
+            path: prepared,
             orientation,
         },
         depth: Some(DepthSource::Sensor {
@@ -198,7 +198,7 @@ fn frame() -> (FrameBodies, Vec<u8>) {
     frame_over(Arc::new(Pixels))
 }
 
-fn frame_over(picture: Arc<dyn PreparedFrame>) -> (FrameBodies, Vec<u8>) {
+fn frame_over(prepared: Arc<dyn PreparedFrame>) -> (FrameBodies, Vec<u8>) {
     let seen: Vec<_> = [0.0, -0.25, -0.12, 0.12, 0.25].map(view).into();
     let ids = seen[0].2.clone();
     let views: Vec<(DepthView, Arc<Image>)> = seen
@@ -207,7 +207,7 @@ fn frame_over(picture: Arc<dyn PreparedFrame>) -> (FrameBodies, Vec<u8>) {
         .collect();
     let surfaces = Arc::new(Surfaces::of(&views, &Progress::default()).unwrap());
     (
-        FrameBodies::new(surfaces, &views, picture, &Progress::default()).unwrap(),
+        FrameBodies::new(surfaces, &views, prepared, &Progress::default()).unwrap(),
         ids,
     )
 }
@@ -297,7 +297,7 @@ fn unreadable_frames_are_ignored() {
     assert_eq!(
         answer().area(),
         1,
-        "without its own depth the picture answers"
+        "without its own depth the image answers"
     );
 }
 
@@ -351,7 +351,7 @@ fn thin_objects_are_left_to_the_image_segmenter() {
     let wire = region_of(&ids, 4);
     let at = click(&wire, true);
     let found = segment(&frame, &[at], None, None);
-    assert_eq!(found.area(), 1, "the picture's own answer");
+    assert_eq!(found.area(), 1, "the image's own answer");
 }
 
 #[test]
@@ -394,5 +394,5 @@ fn image_segmenter_changes_only_pixels_at_contradicted_clicks() {
             .any(|click| click.at_px.distance(centre) <= 3.0)
     };
     assert!((0..own.inside.len()).all(|at| own.inside[at] == answer.inside[at] || is_near(at)));
-    assert!(own != answer, "the picture had a say");
+    assert!(own != answer, "the image had a say");
 }

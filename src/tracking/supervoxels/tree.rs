@@ -114,8 +114,8 @@ impl Tree {
         let mut body = part;
         loop {
             let parent = self.parents[body as usize];
-            let beside = self.sizes[parent as usize] - self.sizes[body as usize];
-            let is_like = beside as f32 >= LEAST_SHARE * self.sizes[body as usize] as f32;
+            let adjacent = self.sizes[parent as usize] - self.sizes[body as usize];
+            let is_like = adjacent as f32 >= LEAST_SHARE * self.sizes[body as usize] as f32;
             let is_other = self.strengths[parent as usize] >= least_strength && is_like;
             if parent == body || closed[parent as usize] || is_other {
                 return self.parts(body);

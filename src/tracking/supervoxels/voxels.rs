@@ -103,7 +103,7 @@ impl Voxels {
     /// Returns all pairs of adjacent voxels, corners included, within `reach` sides.
     pub fn pairs(&self, reach: f32) -> Vec<(u32, u32)> {
         let limit = (reach * self.side).powi(2);
-        let beside = |index: u32| {
+        let adjacent = |index: u32| {
             let place = self.places[index as usize];
             let [x, y, z] = cell(place, self.side);
             let around = (0..27).map(move |i| [x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1]);
@@ -116,7 +116,7 @@ impl Voxels {
         };
         (0..self.len() as u32)
             .into_par_iter()
-            .flat_map_iter(beside)
+            .flat_map_iter(adjacent)
             .collect()
     }
 

@@ -17,7 +17,7 @@ const LONGEST: usize = 4096;
 /// Placement of an image in the network input, as (columns, rows).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Fit {
-    pub picture: (usize, usize),
+    pub image: (usize, usize),
     /// Size that the image is resized to.
     shown: (usize, usize),
     /// Size with a border up to whole cells.
@@ -29,19 +29,19 @@ pub(super) struct Fit {
 impl Fit {
     /// Fits an image so that its shorter side has `short_side` pixels; `None` keeps its size.
     pub fn new(width: u32, height: u32, short_side: Option<u32>) -> Self {
-        let picture = (width as usize, height as usize);
-        let short = picture.0.min(picture.1).max(1);
+        let image = (width as usize, height as usize);
+        let short = image.0.min(image.1).max(1);
         let side = short_side.map_or(short, |side| side as usize);
         let side = side
-            .min(LONGEST * short / picture.0.max(picture.1).max(1))
+            .min(LONGEST * short / image.0.max(image.1).max(1))
             .max(1);
-        let shown = (side * picture.0 / short, side * picture.1 / short);
+        let shown = (side * image.0 / short, side * image.1 / short);
         let padded = (
             shown.0.next_multiple_of(CELL),
             shown.1.next_multiple_of(CELL),
         );
         Self {
-            picture,
+            image,
             shown,
             padded,
             corner: ((padded.0 - shown.0) / 2, (padded.1 - shown.1) / 2),
@@ -60,7 +60,7 @@ impl Fit {
 
     /// Returns the image as the key encoder's input, `[3, rows, columns]`.
     pub fn planes(&self, image: &Image) -> Vec<f32> {
-        let small = resized_planes(&image.pixels, self.picture, self.shown);
+        let small = resized_planes(&image.pixels, self.image, self.shown);
         let mut planes = vec![0.0; 3 * self.area()];
         let both = planes
             .chunks_exact_mut(self.area())
@@ -81,12 +81,12 @@ impl Fit {
     /// get no pixel keeps the one that contains its first pixel.
     pub fn one_hot(&self, mask: &LabelMask, labels: &[LabelId]) -> Vec<f32> {
         let mut maps = vec![0.0; labels.len() * self.area()];
-        let from = |at: usize, shown: usize, picture: usize| at * picture / shown;
+        let from = |at: usize, shown: usize, image: usize| at * image / shown;
         for (map, &label) in maps.chunks_exact_mut(self.area()).zip(labels) {
             for (y, out) in self.rows(map).enumerate() {
-                let row = &mask.ids[from(y, self.shown.1, self.picture.1) * self.picture.0..]
-                    [..self.picture.0];
-                let is_there = |x: usize| row[from(x, self.shown.0, self.picture.0)] == label;
+                let row =
+                    &mask.ids[from(y, self.shown.1, self.image.1) * self.image.0..][..self.image.0];
+                let is_there = |x: usize| row[from(x, self.shown.0, self.image.0)] == label;
                 out.iter_mut()
                     .enumerate()
                     .for_each(|(x, out)| *out = f32::from(u8::from(is_there(x))));
@@ -98,10 +98,10 @@ impl Fit {
                 .position(|&id| id == label)
                 .filter(|_| is_lost)
             {
-                let (x, y) = (first % self.picture.0, first / self.picture.0);
+                let (x, y) = (first % self.image.0, first / self.image.0);
                 let at = (
-                    x * self.shown.0 / self.picture.0,
-                    y * self.shown.1 / self.picture.1,
+                    x * self.shown.0 / self.image.0,
+                    y * self.shown.1 / self.image.1,
                 );
                 map[(self.corner.1 + at.1) * self.padded.0 + self.corner.0 + at.0] = 1.0;
             }
@@ -112,15 +112,15 @@ impl Fit {
     /// Resizes maps `[any][rows][columns]` to the image size by linear interpolation.
     pub fn enlarged(&self, maps: &[f32]) -> Vec<f32> {
         let (columns, rows) = (
-            half_pixel_samples(self.shown.0, self.picture.0),
-            half_pixel_samples(self.shown.1, self.picture.1),
+            half_pixel_samples(self.shown.0, self.image.0),
+            half_pixel_samples(self.shown.1, self.image.1),
         );
-        let mut out = vec![0.0; maps.len() / self.area() * self.picture.0 * self.picture.1];
-        out.par_chunks_mut(self.picture.0)
+        let mut out = vec![0.0; maps.len() / self.area() * self.image.0 * self.image.1];
+        out.par_chunks_mut(self.image.0)
             .enumerate()
             .for_each(|(line, out)| {
-                let map = &maps[line / self.picture.1 * self.area()..][..self.area()];
-                let sample = rows[line % self.picture.1];
+                let map = &maps[line / self.image.1 * self.area()..][..self.area()];
+                let sample = rows[line % self.image.1];
                 let row = |at: usize| {
                     &map[(self.corner.1 + at) * self.padded.0 + self.corner.0..][..self.shown.0]
                 };

@@ -21,7 +21,7 @@ pub(super) struct Networks {
 const OBJECTS: usize = 10;
 
 /// Encoder output for one image, independent of objects.
-pub(super) struct Seen {
+pub(super) struct ImageEncoding {
     pub fit: Fit,
     image: Tensor,
     /// Features at a 16th, an 8th and a 4th of the size.
@@ -31,7 +31,7 @@ pub(super) struct Seen {
 }
 
 /// Network output for every object.
-pub(super) struct Said {
+pub(super) struct ObjectOutputs {
     /// Shape `[objects][…]`.
     pub values: Vec<f32>,
     /// Sensory memory, `[objects][hidden][cells]`.
@@ -71,7 +71,12 @@ impl Networks {
     }
 
     /// Encodes an image.
-    pub fn see(&self, image: &Image, fit: Fit, progress: &Progress) -> Result<Seen, MaskError> {
+    pub fn see(
+        &self,
+        image: &Image,
+        fit: Fit,
+        progress: &Progress,
+    ) -> Result<ImageEncoding, MaskError> {
         let (columns, rows) = fit.padded;
         let image =
             Tensor::floats(&[1, 3, rows, columns], fit.planes(image)).map_err(network_error)?;
@@ -96,7 +101,7 @@ impl Networks {
         cells.keys = by_cell(key.as_floats(), count);
         cells.selections = by_cell(selection.as_floats(), count);
         cells.shrinkages = shrinkage.as_floats().to_vec();
-        Ok(Seen {
+        Ok(ImageEncoding {
             fit,
             image,
             features: [f16, f8, f4],
@@ -109,18 +114,18 @@ impl Networks {
     /// The inputs are the memory readout, `[objects][value][cells]`, and sensory memory.
     pub fn decode(
         &self,
-        seen: &Seen,
+        seen: &ImageEncoding,
         readout: &[f32],
         hidden: &[f32],
         progress: &Progress,
-    ) -> Result<Said, MaskError> {
+    ) -> Result<ObjectOutputs, MaskError> {
         let (columns, rows) = seen.fit.cells();
         let [f16, f8, f4] = &seen.features;
         let size = columns * rows;
         let parts = readout
             .chunks(OBJECTS * self.value * size)
             .zip(hidden.chunks(OBJECTS * self.hidden * size));
-        let mut said = Said {
+        let mut outputs = ObjectOutputs {
             values: Vec::new(),
             hidden: Vec::new(),
         };
@@ -137,14 +142,14 @@ impl Networks {
                 ("readout", &readout),
                 ("hidden", &hidden),
             ];
-            said.add(
+            outputs.add(
                 &self.decoder,
                 run(&self.decoder, &fed, progress)?,
                 count * seen.fit.area(),
                 hidden.shape(),
             )?;
         }
-        Ok(said)
+        Ok(outputs)
     }
 
     /// Encodes the memory values of each object, `[objects][value][cells]`.
@@ -152,18 +157,18 @@ impl Networks {
     /// `masks` are the objects' probabilities, `[objects][area]`.
     pub fn value(
         &self,
-        seen: &Seen,
+        seen: &ImageEncoding,
         masks: &[f32],
         hidden: &[f32],
         progress: &Progress,
-    ) -> Result<Said, MaskError> {
+    ) -> Result<ObjectOutputs, MaskError> {
         let (columns, rows) = seen.fit.cells();
         let (area, size) = (seen.fit.area(), columns * rows);
         let others = others(masks, area);
         let parts = masks
             .chunks(OBJECTS * area)
             .zip(others.chunks(OBJECTS * area));
-        let mut said = Said {
+        let mut outputs = ObjectOutputs {
             values: Vec::new(),
             hidden: Vec::new(),
         };
@@ -181,18 +186,18 @@ impl Networks {
             ];
             let fed = [fed.as_slice(), &[("masks", &masks), ("others", &others)]].concat();
             let given = run(&self.value_encoder, &fed, progress)?;
-            said.add(
+            outputs.add(
                 &self.value_encoder,
                 given,
                 count * self.value * size,
                 hidden.shape(),
             )?;
         }
-        Ok(said)
+        Ok(outputs)
     }
 }
 
-impl Said {
+impl ObjectOutputs {
     fn add(
         &mut self,
         by: &Network,
@@ -210,7 +215,7 @@ impl Said {
     }
 }
 
-impl Seen {
+impl ImageEncoding {
     /// Returns the features `f16`, `f8` or `f4`.
     #[cfg(test)]
     pub fn feature(&self, name: &str) -> &Tensor {

@@ -52,11 +52,11 @@ impl Lookup {
         let (width, count) = (self.width, keys.len() / self.width);
         // −s (Σ e k² − 2 Σ e k q + Σ e q²): one matrix product computes the first two sums of all
         // pairs.
-        let mut asked = Vec::with_capacity(2 * width * count);
+        let mut requested = Vec::with_capacity(2 * width * count);
         let mut own = Vec::with_capacity(count);
         for (key, selection) in keys.chunks_exact(width).zip(selections.chunks_exact(width)) {
-            asked.extend(selection.iter().map(|e| -e));
-            asked.extend(key.iter().zip(selection).map(|(q, e)| 2.0 * q * e));
+            requested.extend(selection.iter().map(|e| -e));
+            requested.extend(key.iter().zip(selection).map(|(q, e)| 2.0 * q * e));
             own.push(
                 key.iter()
                     .zip(selection)
@@ -69,7 +69,7 @@ impl Lookup {
         similar.gemm(
             1.0,
             &parts,
-            &DMatrixView::from_slice(&asked, 2 * width, count),
+            &DMatrixView::from_slice(&requested, 2 * width, count),
             0.0,
         );
         for (mut column, own) in similar.column_iter_mut().zip(own) {

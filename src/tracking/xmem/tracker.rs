@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::fit::Fit;
 use super::memory::{Group, XMemOptions};
-use super::networks::{Networks, Seen};
+use super::networks::{ImageEncoding, Networks};
 use crate::networks::odds;
 use crate::propagate::{
     Answer, KeyframeUse, LabelProbabilities, LookAhead, MaskPropagator, PassFrame, Section,
@@ -105,7 +105,7 @@ impl<'a> XMemPass<'a> {
         self.groups.iter().map(Group::sizes).collect()
     }
 
-    fn see(&self, image: &Image) -> Result<Seen, MaskError> {
+    fn see(&self, image: &Image) -> Result<ImageEncoding, MaskError> {
         let fit = Fit::new(image.width, image.height, self.options.short_side);
         self.networks.see(image, fit, self.progress)
     }
@@ -147,36 +147,37 @@ impl<'a> XMemPass<'a> {
         }
         Ok(LabelProbabilities::sorted(
             &self.objects,
-            seen.fit.picture,
+            seen.fit.image,
             seen.fit.enlarged(&probabilities),
         ))
     }
 
     /// Returns the probabilities `[1 + objects][area]` and the updated sensory memory.
-    fn segment(&mut self, seen: &Seen) -> Result<(Vec<f32>, Vec<f32>), MaskError> {
+    fn segment(&mut self, seen: &ImageEncoding) -> Result<(Vec<f32>, Vec<f32>), MaskError> {
         let (keys, selections) = (&seen.cells.keys, &seen.cells.selections);
         let mut readout = Vec::new();
         for group in &mut self.groups {
             self.progress.check()?;
             readout.extend(group.read(keys, selections, self.options));
         }
-        let mut said = self
+        let mut outputs = self
             .networks
             .decode(seen, &readout, &self.hidden, self.progress)?;
-        said.values
+        outputs
+            .values
             .iter_mut()
             .for_each(|logit| *logit = 1.0 / (1.0 + (-*logit).exp()));
-        Ok((aggregated(&said.values, seen.fit.area()), said.hidden))
+        Ok((aggregated(&outputs.values, seen.fit.area()), outputs.hidden))
     }
 
     /// Adds an image with its object masks, `[objects][area]`, to the memory.
     ///
     /// Objects that appeared with it form a group.
-    fn memorise(&mut self, seen: &Seen, masks: &[f32]) -> Result<(), MaskError> {
-        let said = self
+    fn memorise(&mut self, seen: &ImageEncoding, masks: &[f32]) -> Result<(), MaskError> {
+        let outputs = self
             .networks
             .value(seen, masks, &self.hidden, self.progress)?;
-        self.hidden = said.hidden;
+        self.hidden = outputs.hidden;
         let grouped = self.groups.last().map_or(0, |group| group.objects.end);
         if grouped < self.objects.len() {
             self.groups.push(Group::new(
@@ -188,7 +189,7 @@ impl<'a> XMemPass<'a> {
         let size = seen.cells.widths.value * seen.cells.len();
         for group in &mut self.groups {
             self.progress.check()?;
-            let values = &said.values[group.objects.start * size..group.objects.end * size];
+            let values = &outputs.values[group.objects.start * size..group.objects.end * size];
             group.remember(&seen.with_values(values), self.options);
         }
         self.since = 0;
@@ -199,7 +200,12 @@ impl<'a> XMemPass<'a> {
     ///
     /// Objects that it does not show keep their prediction (`[1 + objects known before][area]`),
     /// except where the mask shows another object.
-    fn given_masks(&self, seen: &Seen, mask: &LabelMask, predicted: Option<&[f32]>) -> Vec<f32> {
+    fn given_masks(
+        &self,
+        seen: &ImageEncoding,
+        mask: &LabelMask,
+        predicted: Option<&[f32]>,
+    ) -> Vec<f32> {
         let area = seen.fit.area();
         let mut maps = seen.fit.one_hot(mask, &self.objects);
         let Some(predicted) = predicted else {
@@ -234,7 +240,7 @@ impl MaskPropagator for XMemPass<'_> {
         self.remember(&frame.image, mask)
     }
 
-    fn carry_to(
+    fn transfer_to(
         &mut self,
         frame: &PassFrame,
         _ahead: &mut LookAhead<'_, '_>,

@@ -235,7 +235,7 @@ fn dropping_the_work_releases_the_cloud() {
         std::thread::yield_now();
         Arc::strong_count(&cloud) == 1
     });
-    assert!(ended, "nobody else holds the cloud in the end");
+    assert!(ended, "the cloud has no other owner in the end");
 }
 
 #[test]

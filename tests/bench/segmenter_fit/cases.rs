@@ -42,15 +42,15 @@ fn name_of(path: &Path) -> String {
 pub fn davis(root: &Path) -> Vec<Case> {
     let mut cases = Vec::new();
     for clip in sorted(&root.join("JPEGImages")) {
-        let pictures = sorted(&clip);
+        let images = sorted(&clip);
         let clip = name_of(&clip);
-        let last = pictures.len() - 1;
-        for at in (0..pictures.len())
-            .filter(|at| at % 12 == 0 || *at == last || *at == pictures.len() / 2)
+        let last = images.len() - 1;
+        for at in
+            (0..images.len()).filter(|at| at % 12 == 0 || *at == last || *at == images.len() / 2)
         {
             cases.push(Case {
                 clip: clip.clone(),
-                image: pictures[at].clone(),
+                image: images[at].clone(),
                 depth: None,
                 truth: root
                     .join("Annotations")
@@ -59,7 +59,7 @@ pub fn davis(root: &Path) -> Vec<Case> {
                 alone: None,
                 is_binary: true,
                 clicks: 20,
-                is_shown: at == 0 || at == last || at == pictures.len() / 2,
+                is_shown: at == 0 || at == last || at == images.len() / 2,
             });
         }
     }
@@ -77,8 +77,8 @@ pub fn recordings(root: &Path) -> Vec<Case> {
 /// Returns every `every`-th image with depth and labels of one folder.
 pub fn recording(root: &Path, clip: &str, every: usize) -> Vec<Case> {
     let mut cases = Vec::new();
-    for picture in sorted(&root.join("color")).iter().step_by(every) {
-        let file = picture.file_name().unwrap();
+    for image in sorted(&root.join("color")).iter().step_by(every) {
+        let file = image.file_name().unwrap();
         let truth = root.join("labels").join(file);
         let objects: Vec<Option<u8>> = if clip.contains("alone") {
             values(&truth).into_iter().map(Some).collect()
@@ -87,7 +87,7 @@ pub fn recording(root: &Path, clip: &str, every: usize) -> Vec<Case> {
         };
         cases.extend(objects.into_iter().map(|alone| Case {
             clip: clip.to_owned(),
-            image: picture.clone(),
+            image: image.clone(),
             depth: Some(root.join("depth").join(file)),
             truth: truth.clone(),
             alone,

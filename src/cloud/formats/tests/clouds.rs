@@ -39,7 +39,7 @@ fn las_and_laz_store_all_point_data() {
     let cloud = cloud();
     for name in ["a.las", "a.LAZ"] {
         let mut reader =
-            las::Reader::new(Cursor::new(saved(&cloud, name, Coloring::Picture).unwrap())).unwrap();
+            las::Reader::new(Cursor::new(saved(&cloud, name, Coloring::Image).unwrap())).unwrap();
         assert_eq!(reader.header().version(), las::Version::new(1, 4));
         let described = reader
             .header()
@@ -83,7 +83,7 @@ fn las_and_laz_store_all_point_data() {
             );
         }
     }
-    let [las, laz] = ["a.las", "a.laz"].map(|name| saved(&cloud, name, Coloring::Picture).unwrap());
+    let [las, laz] = ["a.las", "a.laz"].map(|name| saved(&cloud, name, Coloring::Image).unwrap());
     assert!(
         laz.len() < las.len() / 2,
         "{} of {} bytes",
@@ -92,7 +92,7 @@ fn las_and_laz_store_all_point_data() {
     );
     assert_eq!(
         las,
-        saved(&cloud, "b.las", Coloring::Picture).unwrap(),
+        saved(&cloud, "b.las", Coloring::Image).unwrap(),
         "the same cloud gives the same bytes"
     );
     assert_ne!(las, saved(&cloud, "b.las", Coloring::Labels).unwrap());
@@ -101,7 +101,7 @@ fn las_and_laz_store_all_point_data() {
 #[test]
 fn pcd_stores_all_point_data() {
     let cloud = cloud();
-    let bytes = saved(&cloud, "a.pcd", Coloring::Picture).unwrap();
+    let bytes = saved(&cloud, "a.pcd", Coloring::Image).unwrap();
     let end = bytes
         .windows(12)
         .position(|window| window == b"DATA binary\n")
@@ -146,7 +146,7 @@ fn classes_of_top_labels_range_from_64_to_255() {
     }
     cloud.tree = tree;
     cloud.labels = (1..=300).map(LabelId).collect();
-    let bytes = saved(&cloud, "a.las", Coloring::Picture).unwrap();
+    let bytes = saved(&cloud, "a.las", Coloring::Image).unwrap();
     let points = las::Reader::new(Cursor::new(bytes))
         .unwrap()
         .read_all()
@@ -172,9 +172,7 @@ fn classes_of_top_labels_range_from_64_to_255() {
 #[test]
 fn unwritable_clouds_give_an_error_message() {
     let said = |cloud: &LabelledCloud, name: &str| {
-        saved(cloud, name, Coloring::Picture)
-            .unwrap_err()
-            .to_string()
+        saved(cloud, name, Coloring::Image).unwrap_err().to_string()
     };
     assert!(said(&cloud(), "a.xyz").contains(".ply, .las, .laz, .pcd"));
     for name in ["a.ply", "a.las", "a.laz", "a.pcd"] {
@@ -182,7 +180,7 @@ fn unwritable_clouds_give_an_error_message() {
         let nowhere = CloudFormat::of(Path::new(name)).unwrap().save(
             &Path::new("/nowhere").join(name),
             &cloud(),
-            Coloring::Picture,
+            Coloring::Image,
             &Progress::default(),
         );
         assert!(nowhere.unwrap_err().to_string().contains(name));

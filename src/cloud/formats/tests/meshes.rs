@@ -91,11 +91,11 @@ fn same_mesh_gives_same_bytes_and_no_other_files() {
     for name in ["a.ply", "a.obj", "a.glb"] {
         let path = folder.path().join(name);
         assert!(
-            saved(&mesh(), &path, Coloring::Picture) == saved(&mesh(), &path, Coloring::Picture),
+            saved(&mesh(), &path, Coloring::Image) == saved(&mesh(), &path, Coloring::Image),
             "{name}"
         );
         assert!(
-            saved(&mesh(), &path, Coloring::Picture) != saved(&mesh(), &path, Coloring::Labels),
+            saved(&mesh(), &path, Coloring::Image) != saved(&mesh(), &path, Coloring::Labels),
             "{name}"
         );
     }
@@ -114,7 +114,7 @@ fn stopped_save_leaves_the_old_file() {
     stopped.stop();
     for name in ["a.obj", "a.glb"] {
         let path = folder.path().join(name);
-        let before = saved(&mesh(), &path, Coloring::Picture);
+        let before = saved(&mesh(), &path, Coloring::Image);
         assert!(
             MeshFormat::of(&path)
                 .unwrap()

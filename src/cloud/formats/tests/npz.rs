@@ -77,7 +77,7 @@ fn written(voxels: &LabelledCloud, coloring: Coloring) -> BTreeMap<String, Array
 #[test]
 fn voxels_survive_a_round_trip() {
     let places = [[-3, 5, 7], [0, 5, 6], [2, 9, 6], [2, 9, 1000]];
-    let arrays = written(&voxels(&places), Coloring::Picture);
+    let arrays = written(&voxels(&places), Coloring::Image);
     let kinds: Vec<_> = arrays
         .iter()
         .map(|(name, (kind, shape, _))| [name.as_str(), kind, shape])

@@ -61,7 +61,7 @@ fn written(mesh: &LabelledMesh, coloring: Coloring) -> (Obj, String) {
 
 #[test]
 fn each_label_is_an_object_with_its_faces() {
-    let (obj, materials) = written(&mesh(), Coloring::Picture);
+    let (obj, materials) = written(&mesh(), Coloring::Image);
     assert_eq!(obj.library, "my_mesh.mtl");
     let names = ["the_plant", "the_plant/feuille_été", "unlabelled"];
     assert_eq!(
@@ -140,7 +140,7 @@ fn labels_with_colliding_names_get_unique_objects() {
         .tree
         .rename(ostra_masks::LabelId(7), "the-plant!")
         .unwrap();
-    let (obj, materials) = written(&mesh, Coloring::Picture);
+    let (obj, materials) = written(&mesh, Coloring::Image);
     assert!(
         obj.faces
             .contains_key(&("the-plant_".into(), "the-plant_".into()))

@@ -45,11 +45,11 @@ fn same_voxels_give_same_bytes_and_no_voxels_are_an_error() {
     let some = voxels(&[[0, 0, 0], [3, -2, 9], [4, 4, 4]]);
     for name in ["a.npz", "a.vox"] {
         assert_eq!(
-            saved(&some, name, Coloring::Picture).unwrap(),
-            saved(&some, name, Coloring::Picture).unwrap()
+            saved(&some, name, Coloring::Image).unwrap(),
+            saved(&some, name, Coloring::Image).unwrap()
         );
         assert!(
-            saved(&voxels(&[]), name, Coloring::Picture)
+            saved(&voxels(&[]), name, Coloring::Image)
                 .unwrap_err()
                 .to_string()
                 .contains("no voxels")

@@ -10,7 +10,7 @@ use super::*;
 use crate::fuse::Views;
 use crate::{LabelledMesh, SceneError};
 use ostra_core::job::Progress;
-use ostra_frames::{DepthMap, Frame, FrameCamera, Image, Orientation, PictureSource};
+use ostra_frames::{DepthMap, Frame, FrameCamera, Image, ImageSource, Orientation};
 use ostra_geometry::{Camera, Distortion, Pose};
 use ostra_masks::LabelMask;
 
@@ -97,7 +97,7 @@ impl Ball {
             name: format!("{:03}", self.frames.len()),
             width: SIZE,
             height: SIZE,
-            picture: PictureSource::File {
+            image: ImageSource::File {
                 path: "none".into(),
                 orientation: Orientation(1),
             },

@@ -180,7 +180,7 @@ fn network_is_downloaded_verified_and_recorded() {
     let added = install(&good, &target, "xfeat", &mut |now| {
         assert!(
             now.what.contains("MIT"),
-            "the licence is told: {}",
+            "the licence is shown: {}",
             now.what
         );
         most = now.bytes.max(most);

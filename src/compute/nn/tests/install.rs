@@ -1,7 +1,7 @@
 use std::fs;
 use std::path::Path;
 
-use super::super::{Catalogue, NnError, Proof, add, check, list, load, load_text};
+use super::super::{Catalogue, NnError, Verification, add, check, list, load, load_text};
 use super::ready;
 
 fn files_in(folder: &Path) -> usize {
@@ -26,7 +26,7 @@ fn added_network_can_be_listed_checked_and_loaded() {
     let added = add(&catalogue, &target, "xfeat", std::slice::from_ref(&source)).unwrap();
     assert_eq!(
         (added[0].path.clone(), &added[0].proof),
-        (target.join("xfeat.onnx"), &Proof::Fits)
+        (target.join("xfeat.onnx"), &Verification::Fits)
     );
     assert_eq!(
         listed().unwrap().bytes,
@@ -123,7 +123,7 @@ fn network_without_a_known_interface_is_verified_by_loading() {
         &[folder.join("xfeat.onnx")],
     )
     .unwrap();
-    assert_eq!(added[0].proof, Proof::Loads);
+    assert_eq!(added[0].proof, Verification::Loads);
     assert!(!check(&catalogue, scratch.path(), "a").unwrap()[0].is_compared);
 }
 

@@ -92,12 +92,12 @@ fn mismatch_error_shows_both_interfaces() {
     )
     .unwrap_err();
     let text = error.to_string();
-    let told =
+    let reported =
         "expected the input `input` f32 [1, 1, any, any], there is `images` f32 [1, 3, 416, 416]";
     assert!(
         matches!(error, NnError::Mismatch { .. })
             && text.contains("yolox_nano.onnx")
-            && text.contains(told),
+            && text.contains(reported),
         "{text}"
     );
 }

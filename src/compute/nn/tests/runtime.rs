@@ -3,7 +3,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use super::super::{
-    Catalogue, Network, NnError, Proof, Provider, Runtime, add, models_folder, take_fall_backs,
+    Catalogue, Network, NnError, Provider, Runtime, Verification, add, models_folder,
+    take_fall_backs,
 };
 use super::{networks, ready};
 use crate::nn::runtime::{Place, library_name, places};
@@ -22,11 +23,11 @@ fn alone(test: &str, library: Option<&OsStr>, data: &Path) {
         None => command.env_remove("ORT_DYLIB_PATH"),
     };
     let output = command.output().unwrap();
-    let told = String::from_utf8_lossy(&output.stdout).into_owned()
+    let reported = String::from_utf8_lossy(&output.stdout).into_owned()
         + &String::from_utf8_lossy(&output.stderr);
     assert!(
-        output.status.success() && told.contains("1 passed"),
-        "{told}"
+        output.status.success() && reported.contains("1 passed"),
+        "{reported}"
     );
 }
 
@@ -157,7 +158,7 @@ fn a_child_that_adds_without_a_runtime() {
     let (catalogue, target) = (Catalogue::bundled().unwrap(), models_folder().unwrap());
     let folder = networks();
     let added = add(&catalogue, &target, "xfeat", &[folder.join("xfeat.onnx")]).unwrap();
-    assert_eq!(added[0].proof, Proof::Known);
+    assert_eq!(added[0].proof, Verification::Known);
     let added = add(
         &catalogue,
         &target,
@@ -166,7 +167,7 @@ fn a_child_that_adds_without_a_runtime() {
     )
     .unwrap();
     assert!(
-        matches!(&added[0].proof, Proof::None(why) if why.contains("ONNX Runtime")),
+        matches!(&added[0].proof, Verification::None(why) if why.contains("ONNX Runtime")),
         "{added:?}"
     );
     let error = add(
@@ -211,7 +212,7 @@ fn a_child_that_adds_a_library() {
     .unwrap();
     assert_eq!(
         (&added[0].path, &added[0].proof),
-        (&target.join(library_name()), &Proof::Loads)
+        (&target.join(library_name()), &Verification::Loads)
     );
 }
 
@@ -251,20 +252,20 @@ fn a_child_on_a_card_that_is_not_there() {
     for provider in Provider::ALL {
         provider.choose();
         Network::load(&runtime, &path, None).unwrap();
-        let told = take_fall_backs();
+        let reported = take_fall_backs();
         let what = format!(
             "runs on the processor, as '{}' does not start",
             provider.name()
         );
-        assert!(told.iter().all(|line| line.contains("xfeat.onnx")
+        assert!(reported.iter().all(|line| line.contains("xfeat.onnx")
             && line.contains(&what)
             && !line.contains('\n')));
         match provider {
-            Provider::Cpu => assert!(told.is_empty(), "{told:?}"),
+            Provider::Cpu => assert!(reported.is_empty(), "{reported:?}"),
             // These two belong to other systems than the one that runs the test.
-            Provider::DirectMl if !cfg!(windows) => assert_eq!(told.len(), 1),
-            Provider::CoreMl if !cfg!(target_os = "macos") => assert_eq!(told.len(), 1),
-            _ => assert!(told.len() <= 1, "{told:?}"),
+            Provider::DirectMl if !cfg!(windows) => assert_eq!(reported.len(), 1),
+            Provider::CoreMl if !cfg!(target_os = "macos") => assert_eq!(reported.len(), 1),
+            _ => assert!(reported.len() <= 1, "{reported:?}"),
         }
     }
 }

@@ -26,7 +26,7 @@ fn open_sizes_of_a_network_fit() {
     assert_eq!(
         expected.fits(&signature(&[], &[])),
         Ok(()),
-        "the number of dimensions is not told"
+        "the number of dimensions is unknown"
     );
 }
 

@@ -1,7 +1,7 @@
 //! A simulated user who clicks, tracks and corrects a sequence with ground truth.
 
-mod hand;
-mod mended;
+mod corrections;
+mod options;
 mod outline;
 mod play;
 mod sequence;
@@ -11,7 +11,7 @@ mod user;
 #[cfg(test)]
 mod tests;
 
-pub use hand::InteractOptions;
+pub use options::InteractOptions;
 pub use play::interact;
 pub use sequence::{FrameByFrame, Goal, InteractReport, Sequence};
 pub use start::{InteractRequest, evaluate_interaction};

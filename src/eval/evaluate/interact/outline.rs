@@ -3,7 +3,7 @@ use std::ops::Range;
 use anyhow::Result;
 use glam::DVec2;
 
-use super::hand::Aim;
+use super::options::Aim;
 use ostra_masks::{
     LabelId, LabelMask, LabelTree, Outline, PaintRule, Region, assign, erase, fill_polygons,
     outlines, polygon_spans, pull,
@@ -140,12 +140,12 @@ pub(super) fn corrections(
                 .cloned()
                 .flatten()
                 .filter(|&at| changed(mask.ids[at]));
-            let mended: i64 = inside
+            let corrected: i64 = inside
                 .map(|at| if mends(truth.ids[at]) { 1 } else { -1 })
                 .sum();
-            if mended > 0 {
+            if corrected > 0 {
                 all.push(Correction {
-                    worth: mended as f64 / ring.len() as f64,
+                    worth: corrected as f64 / ring.len() as f64,
                     ring,
                     include,
                     pixels,
@@ -338,15 +338,15 @@ mod tests {
         let dust = mask(|x, y| x % 10 == 0 && y % 10 == 0);
         assert_eq!(drawn_from(&dust, &mask(|_, _| false)), None);
         let line = mask(|x, y| x == 50 && y < 90);
-        let beside = mask(|x, y| (50..60).contains(&x) && y < 90);
-        let drawn = drawn_from(&line, &beside);
+        let adjacent = mask(|x, y| (50..60).contains(&x) && y < 90);
+        let drawn = drawn_from(&line, &adjacent);
         assert_eq!(
             drawn,
             Some(Drawn {
                 mask: line,
                 corners: 4
             }),
-            "but what is too much beside it is taken away"
+            "but the excess next to it is removed"
         );
     }
 }

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 
-use super::hand::Aim;
+use super::options::Aim;
 use super::user::{Clicks, IousByLabel, RobotUser, by_label, mean_over_labels};
 use super::{FrameByFrame, Goal, InteractOptions, InteractReport, Sequence};
 use ostra_core::job::Progress;
@@ -123,13 +123,13 @@ impl<'a> Game<'a> {
     ///
     /// Returns the other frames on which a label is not good after that.
     fn begin(&mut self, first: usize, labels: &[LabelId]) -> Result<BTreeSet<usize>> {
-        let asked = labels
+        let requested = labels
             .iter()
             .map(|&label| (label, Clicks::of(self.options)))
             .collect();
         let before = self.user.ious(first)?;
-        self.user.visit(first, &asked, &self.aim)?;
-        self.leave(first, &asked, &before)?;
+        self.user.visit(first, &requested, &self.aim)?;
+        self.leave(first, &requested, &before)?;
         self.user.track(self.tracker)?;
         self.note()?;
         let ious = self.user.ious_by_label()?;
@@ -146,9 +146,9 @@ impl<'a> Game<'a> {
     /// Returns the best correction; if none pays, the required gain per corner is lowered.
     fn next(&mut self) -> Result<Option<Worth>> {
         loop {
-            let worth = most_worth(
+            let worth = next_correction(
                 &self.user.ious_by_label()?,
-                &self.user.anchors(),
+                &self.user.keyframes(),
                 &self.left_alone,
             );
             let lowered = self.aim.lowered(self.options.least_price);
@@ -174,14 +174,14 @@ impl<'a> Game<'a> {
             false => Clicks::ONE,
         };
         let meant = before.iter().filter(|&(&id, &iou)| is_meant(id, iou));
-        let asked: BTreeMap<LabelId, Clicks> =
+        let requested: BTreeMap<LabelId, Clicks> =
             meant.map(|(&id, &iou)| (id, clicks(id, iou))).collect();
-        if self.user.visit(frame, &asked, &self.aim)? {
+        if self.user.visit(frame, &requested, &self.aim)? {
             self.corrected.insert(frame);
-            let labels: Vec<LabelId> = asked.keys().copied().collect();
+            let labels: Vec<LabelId> = requested.keys().copied().collect();
             self.user.retrack(self.tracker, frame, &labels)?;
         }
-        self.leave(frame, &asked, &before)?;
+        self.leave(frame, &requested, &before)?;
         self.note()
     }
 
@@ -191,12 +191,12 @@ impl<'a> Game<'a> {
     fn leave(
         &mut self,
         frame: usize,
-        asked: &BTreeMap<LabelId, Clicks>,
+        requested: &BTreeMap<LabelId, Clicks>,
         before: &BTreeMap<LabelId, f64>,
     ) -> Result<()> {
         let after = self.user.ious(frame)?;
         let iou = |of: &BTreeMap<LabelId, f64>, id| of.get(&id).copied().unwrap_or(1.0);
-        for &id in asked.keys() {
+        for &id in requested.keys() {
             let (was, is) = (iou(before, id), iou(&after, id));
             if is < self.options.good_iou || is - was < self.aim.price_beyond {
                 self.left_alone.insert((frame, id));
@@ -270,12 +270,12 @@ fn frame_by_frame(
             }
             progress.step(at, users.len())?;
             let (frame, user) = &mut users[at];
-            let asked: BTreeMap<LabelId, Clicks> = sequence
+            let requested: BTreeMap<LabelId, Clicks> = sequence
                 .shown_on(*frame)
                 .into_iter()
                 .map(|label| (label, clicks))
                 .collect();
-            user.visit(*frame, &asked, &aim)?;
+            user.visit(*frame, &requested, &aim)?;
         }
     }
     let counted = users.into_iter().map(|(frame, user)| {
@@ -321,9 +321,9 @@ struct Worth {
 /// Candidates are the intervals between keyframes. The interval with the largest total error of a
 /// label is chosen, and in it the frame in the middle of the error. If there is no error between
 /// keyframes, the keyframe with the lowest IoU is chosen. Entries of `left_alone` are skipped.
-fn most_worth(
+fn next_correction(
     ious: &IousByLabel,
-    anchors: &BTreeSet<usize>,
+    keyframes: &BTreeSet<usize>,
     left_alone: &BTreeSet<(usize, LabelId)>,
 ) -> Option<Worth> {
     let is_open =
@@ -335,14 +335,14 @@ fn most_worth(
             .iter()
             .map(|(&frame, &iou)| Worth { frame, label, iou })
             .collect();
-        let at_anchors = all
+        let at_keyframes = all
             .iter()
-            .filter(|worth| anchors.contains(&worth.frame) && is_open(worth));
-        poorest = at_anchors
+            .filter(|worth| keyframes.contains(&worth.frame) && is_open(worth));
+        poorest = at_keyframes
             .chain(&poorest)
             .min_by(|a, b| a.iou.total_cmp(&b.iou))
             .copied();
-        for stretch in all.split(|worth| anchors.contains(&worth.frame)) {
+        for stretch in all.split(|worth| keyframes.contains(&worth.frame)) {
             let all = lack(stretch);
             if all > widest.map_or(0.0, |(most, _)| most) {
                 let middle = middle_of(stretch);
@@ -372,10 +372,11 @@ mod tests {
 
     const LABEL: LabelId = LabelId(1);
 
-    fn chosen(ious: &[f64], anchors: &[usize], left_alone: &[usize]) -> Option<usize> {
+    fn chosen(ious: &[f64], keyframes: &[usize], left_alone: &[usize]) -> Option<usize> {
         let ious = BTreeMap::from([(LABEL, ious.iter().copied().enumerate().collect())]);
         let left_alone = left_alone.iter().map(|&frame| (frame, LABEL)).collect();
-        most_worth(&ious, &anchors.iter().copied().collect(), &left_alone).map(|worth| worth.frame)
+        next_correction(&ious, &keyframes.iter().copied().collect(), &left_alone)
+            .map(|worth| worth.frame)
     }
 
     #[test]
@@ -390,7 +391,7 @@ mod tests {
         assert_eq!(
             chosen(&ious, &[0, 3, 6], &[]),
             Some(1),
-            "an anchor parts stretches"
+            "a keyframe parts stretches"
         );
     }
 
@@ -402,7 +403,7 @@ mod tests {
         assert_eq!(chosen(&[1.0, 1.0], &[0], &[]), None);
         assert_eq!(chosen(&[0.5, 0.5], &[0], &[0, 1]), None);
         assert_eq!(
-            most_worth(&BTreeMap::new(), &BTreeSet::new(), &BTreeSet::new()),
+            next_correction(&BTreeMap::new(), &BTreeSet::new(), &BTreeSet::new()),
             None
         );
     }
@@ -414,7 +415,7 @@ mod tests {
             (LABEL, of([1.0, 0.5, 0.5])),
             (LabelId(2), of([1.0, 0.4, 0.4])),
         ]);
-        let worth = most_worth(&ious, &BTreeSet::from([0]), &BTreeSet::new()).unwrap();
+        let worth = next_correction(&ious, &BTreeSet::from([0]), &BTreeSet::new()).unwrap();
         assert_eq!(
             worth,
             Worth {

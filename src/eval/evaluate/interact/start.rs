@@ -6,7 +6,7 @@ use std::sync::mpsc::channel;
 use anyhow::{Result, bail};
 
 use super::{InteractOptions, InteractReport, Sequence, interact};
-use crate::demo::Watch;
+use crate::demo::ProgressSink;
 use ostra_core::job::{Progress, Stopped};
 use ostra_session::Event;
 use ostra_session::{JobCompletion, JobKind};
@@ -36,7 +36,7 @@ pub struct InteractRequest {
 /// installed or does not fit the frames.
 pub fn evaluate_interaction(
     request: &InteractRequest,
-    watch: &mut Watch<'_>,
+    watch: &mut ProgressSink<'_>,
 ) -> Result<(InteractReport, Vec<String>)> {
     let (request, (sender, receiver)) = (request.clone(), channel());
     let mut session = Session::new();

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 
 use super::user::{Clicks, RobotUser};
 use super::{FrameByFrame, InteractOptions, Sequence, interact};
-use crate::evaluate::interact::hand::Aim;
+use crate::evaluate::interact::options::Aim;
 use ostra_core::job::{Progress, Stopped};
 use ostra_frames::{DepthMap, FrameFolder, FrameStore, Image, OpenRequest, open};
 use ostra_masks::{
@@ -138,7 +138,7 @@ type Asked = (BTreeSet<usize>, Range<usize>, Option<BTreeSet<LabelId>>);
 /// A tracker that copies the nearest keyframe and records the requests.
 #[derive(Default)]
 struct Copier {
-    asked: Mutex<Vec<Asked>>,
+    requested: Mutex<Vec<Asked>>,
 }
 
 impl Tracker for Copier {
@@ -152,20 +152,20 @@ impl Tracker for Copier {
         emit: &mut dyn FnMut(TrackedFrame),
         progress: &Progress,
     ) -> Result<Vec<String>, MaskError> {
-        let anchors: BTreeSet<usize> = request.anchors.keys().copied().collect();
-        self.asked.lock().unwrap().push((
-            anchors,
+        let keyframes: BTreeSet<usize> = request.keyframes.keys().copied().collect();
+        self.requested.lock().unwrap().push((
+            keyframes,
             request.from..request.to + 1,
             request.labels.clone(),
         ));
         for frame in
-            (request.from..=request.to).filter(|frame| !request.anchors.contains_key(frame))
+            (request.from..=request.to).filter(|frame| !request.keyframes.contains_key(frame))
         {
             progress.check()?;
             let nearest = request
-                .anchors
+                .keyframes
                 .iter()
-                .min_by_key(|(anchor, _)| anchor.abs_diff(frame))
+                .min_by_key(|(keyframe, _)| keyframe.abs_diff(frame))
                 .unwrap();
             let mask = nearest.1.as_ref().clone();
             emit(TrackedFrame {
@@ -212,13 +212,13 @@ fn corrections_between_keyframes_reach_the_goal() {
         "{clicks:?}"
     );
     assert!(report.saved().unwrap() > 0.3);
-    let asked = tracker.asked.into_inner().unwrap();
+    let requested = tracker.requested.into_inner().unwrap();
     assert_eq!(
-        asked[0],
+        requested[0],
         (BTreeSet::from([0]), 0..FRAMES as usize, None),
         "first all labels over all frames"
     );
-    for (anchors, range, labels) in &asked[1..] {
+    for (keyframes, range, labels) in &requested[1..] {
         assert!(
             labels
                 .as_ref()
@@ -226,24 +226,26 @@ fn corrections_between_keyframes_reach_the_goal() {
             "what is poor on the frame"
         );
         assert_eq!(
-            anchors
+            keyframes
                 .iter()
-                .filter(|&anchor| range.contains(anchor))
+                .filter(|&keyframe| range.contains(keyframe))
                 .count(),
             1,
-            "{anchors:?} {range:?}"
+            "{keyframes:?} {range:?}"
         );
-        let is_bound = |frame: usize| frame == FRAMES as usize || anchors.contains(&frame);
+        let is_bound = |frame: usize| frame == FRAMES as usize || keyframes.contains(&frame);
         assert!((range.start == 0 || is_bound(range.start - 1)) && is_bound(range.end));
     }
-    let asks_for = |label, asked: &Asked| {
-        asked
+    let asks_for = |label, requested: &Asked| {
+        requested
             .2
             .as_ref()
             .is_some_and(|labels| labels.contains(&LabelId(label)))
     };
     assert!(
-        asked[1..].iter().any(|asked| asks_for(2, asked)),
+        requested[1..]
+            .iter()
+            .any(|requested| asks_for(2, requested)),
         "blue comes later"
     );
 }
@@ -372,12 +374,12 @@ fn click_limit_is_not_exceeded() {
         let mut user = RobotUser::new(
             &sequence, &segmenter, &prepared, &progress, &options, 0, most,
         );
-        let asked = sequence
+        let requested = sequence
             .shown_on(4)
             .into_iter()
             .map(|label| (label, Clicks::of(&options)))
             .collect();
-        user.visit(4, &asked, &Aim::of(&options)).unwrap();
+        user.visit(4, &requested, &Aim::of(&options)).unwrap();
         // Six clicks without gain and four corners for each of two labels would be needed.
         assert!(
             user.is_spent() && user.clicks() == most && user.corners() == 0,

@@ -4,17 +4,17 @@ use std::sync::Arc;
 
 use anyhow::Result;
 
-use super::hand::{Aim, Hand};
-use super::mended::drawn;
+use super::corrections::drawn;
+use super::options::{Aim, Hand};
 use super::outline::Drawn;
 use super::{InteractOptions, Sequence};
 use crate::simulated_click::next_label_click;
 use ostra_core::job::Progress;
 use ostra_masks::{Click, LabelId, LabelMask, RunMask, Segmenter, Tracker};
-use ostra_project::mask_edits::{anchor, mask_of};
+use ostra_project::mask_edits::{keyframe, mask_of};
 use ostra_project::prompt::PromptMeaning;
 use ostra_project::{Edit, LabelChoice, MaskOrigin, Project, PromptRequest};
-use ostra_session::commands::{carried, track_request};
+use ostra_session::commands::{track_request, transferred};
 use ostra_session::{PreparedFrames, TrackSettings};
 
 /// Minimum IoU gain for a click to be effective.
@@ -83,7 +83,7 @@ pub struct RobotUser<'a> {
     prepared: &'a PreparedFrames,
     progress: &'a Progress,
     options: &'a InteractOptions,
-    hand: Hand,
+    annotator: Hand,
     project: Project,
     clicks: usize,
     corners: usize,
@@ -103,14 +103,14 @@ impl<'a> RobotUser<'a> {
         turn: u64,
         most_clicks: usize,
     ) -> Self {
-        let (hand, project) = (Hand::new(options, turn), sequence.project());
+        let (annotator, project) = (Hand::new(options, turn), sequence.project());
         Self {
             sequence,
             segmenter,
             prepared,
             progress,
             options,
-            hand,
+            annotator,
             project,
             clicks: 0,
             corners: 0,
@@ -151,10 +151,10 @@ impl<'a> RobotUser<'a> {
         let mut given: BTreeMap<LabelId, Given> = BTreeMap::new();
         while !self.is_spent() {
             let ious = self.ious(frame)?;
-            let is_open = |(id, asked): &(&LabelId, &Clicks)| {
+            let is_open = |(id, requested): &(&LabelId, &Clicks)| {
                 let so_far: Given = given.get(id).copied().unwrap_or_default();
-                let is_poor = ious.get(id).is_some_and(|&iou| iou < asked.good_iou);
-                is_poor && so_far.clicks < asked.most && so_far.in_vain < self.options.patience
+                let is_poor = ious.get(id).is_some_and(|&iou| iou < requested.good_iou);
+                is_poor && so_far.clicks < requested.most && so_far.in_vain < self.options.patience
             };
             let open: Vec<LabelId> = labels.iter().filter(is_open).map(|(&id, _)| id).collect();
             let mask = mask_of(&self.project, frame)?;
@@ -162,7 +162,7 @@ impl<'a> RobotUser<'a> {
             let new: Vec<LabelId> = open.iter().copied().filter(is_new).collect();
             let next = next_label_click(&truth, &mask, if new.is_empty() { &open } else { &new });
             let Some(next) = next else { break };
-            let click = self.hand.place(&next, &truth, &mask);
+            let click = self.annotator.place(&next, &truth, &mask);
             self.click(frame, next.label, click)?;
             let now = self.ious(frame)?.get(&next.label).copied().unwrap_or(0.0);
             let before = Given {
@@ -211,7 +211,7 @@ impl<'a> RobotUser<'a> {
         };
         self.project.apply(Edit::SetMask {
             frame,
-            mask: Some(anchor(&mask)),
+            mask: Some(keyframe(&mask)),
         })?;
         self.clicks += corners;
         self.corners += corners;
@@ -260,7 +260,7 @@ impl<'a> RobotUser<'a> {
                 .project
                 .masks
                 .get(frame)
-                .filter(|mask| mask.origin != MaskOrigin::Anchor);
+                .filter(|mask| mask.origin != MaskOrigin::Keyframe);
             for (truth, is, pixels) in tracked
                 .into_iter()
                 .flat_map(|mask| truth.joint_runs(&mask.runs))
@@ -283,7 +283,7 @@ impl<'a> RobotUser<'a> {
         let mut tracked = Vec::new();
         tracker.track(
             &request,
-            &mut |answer| tracked.push(carried(answer)),
+            &mut |answer| tracked.push(transferred(answer)),
             self.progress,
         )?;
         let choice = LabelChoice::new(&settings.labels, settings.replace);
@@ -353,13 +353,13 @@ impl<'a> RobotUser<'a> {
     }
 
     /// Returns the keyframes.
-    pub fn anchors(&self) -> BTreeSet<usize> {
-        let anchors = self
+    pub fn keyframes(&self) -> BTreeSet<usize> {
+        let keyframes = self
             .project
             .masks
             .iter()
-            .filter(|(_, mask)| mask.origin == MaskOrigin::Anchor);
-        anchors.map(|(&frame, _)| frame).collect()
+            .filter(|(_, mask)| mask.origin == MaskOrigin::Keyframe);
+        keyframes.map(|(&frame, _)| frame).collect()
     }
 
     /// Returns the mean IoU over the labels in the ground truth or the result of a frame.

@@ -190,10 +190,12 @@ fn unreadable_files_are_left_out_and_reported() {
         found.frames == 2 && (found.j - 0.5).abs() < 1e-12,
         "a result that is damaged is empty: {found:?}"
     );
-    let said = found.warnings.join("; ");
+    let message = found.warnings.join("; ");
     assert!(
-        said.contains("a.png") && said.contains("b.png") && said.contains("count as empty"),
-        "{said}"
+        message.contains("a.png")
+            && message.contains("b.png")
+            && message.contains("count as empty"),
+        "{message}"
     );
     for name in ["a.png", "c.png"] {
         std::fs::write(result.join(name), "").unwrap();

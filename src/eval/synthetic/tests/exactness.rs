@@ -60,7 +60,7 @@ fn rendered_depth_and_label_match_the_surface() {
     for ((column, row), x) in points {
         let nearest = |label: Option<LabelId>| {
             let of_label =
-                |&t: &usize| label.is_none_or(|label| scene.model.look(t).label == label);
+                |&t: &usize| label.is_none_or(|label| scene.model.appearance(t).label == label);
             let corners =
                 |t: usize| scene.model.triangles[t].map(|v| scene.model.positions[v as usize]);
             let all = (0..scene.model.triangles.len())

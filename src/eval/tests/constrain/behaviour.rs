@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use super::made::Made;
-use super::straying::{Error, UNREADABLE, constrained, lose, outcome, swap};
+use super::drift::{Error, UNREADABLE, constrained, lose, outcome, swap};
+use super::synthetic::Made;
 use ostra_core::job::Progress;
 use ostra_masks::{Direction, LabelId, LabelMask, MaskError, TrackRequest, TrackedFrame, Tracker};
 
@@ -53,7 +53,7 @@ fn tracking_from_both_sides_meets_and_keeps_keyframes() {
         result.lines
     );
     assert!(
-        result.lines[1].contains("given to the tracker anew on 003, 004"),
+        result.lines[1].contains("restarted in the tracker on 003, 004"),
         "{:?}",
         result.lines
     );
@@ -175,7 +175,7 @@ fn labels_missing_on_a_keyframe_are_not_removed_elsewhere() {
         ids: ids.collect(),
         ..made.truth[0]
     };
-    request.anchors.insert(0, Arc::new(only));
+    request.keyframes.insert(0, Arc::new(only));
     let result = outcome(&made, &request, 99, lose(leaf));
     assert!(
         result
@@ -204,7 +204,7 @@ fn missing_depth_or_cameras_give_an_error_with_advice() {
     made.frames[1..]
         .iter_mut()
         .for_each(|frame| frame.camera = None);
-    assert!(refused(&made).contains("no frame from 0 to 2 besides the anchors"));
+    assert!(refused(&made).contains("no frame from 0 to 2 besides the keyframes"));
 }
 
 #[test]

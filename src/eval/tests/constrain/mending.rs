@@ -1,7 +1,7 @@
 //! Swapped, drifted and lost labels are corrected; moving objects are not changed.
 
-use super::made::{BALL, Made};
-use super::straying::{Error, drift, lose, outcome, swap};
+use super::drift::{Error, drift, lose, outcome, swap};
+use super::synthetic::{BALL, Made};
 use ostra_masks::{Direction, LabelId};
 
 /// The frame at which the trackers go wrong.
@@ -10,7 +10,7 @@ const WRONG_AT: usize = 4;
 /// Returns the minimum and mean IoU from `WRONG_AT` on, before and after the correction.
 ///
 /// It asserts that the tracker restarted once, at that frame.
-fn mended(made: &Made, labels: &[LabelId], error: Error, again: &Error) -> [[f64; 2]; 2] {
+fn corrected(made: &Made, labels: &[LabelId], error: Error, again: &Error) -> [[f64; 2]; 2] {
     let request = made.request(&[0], Direction::Both);
     let result = outcome(made, &request, WRONG_AT, error);
     println!("{:?}", result.lines);
@@ -37,7 +37,7 @@ fn mended(made: &Made, labels: &[LabelId], error: Error, again: &Error) -> [[f64
     assert_eq!(
         result.begun,
         [0, WRONG_AT],
-        "it began anew where it went wrong, and went well from there"
+        "it began again where it went wrong, and went well from there"
     );
     [before, after]
 }
@@ -46,7 +46,7 @@ fn mended(made: &Made, labels: &[LabelId], error: Error, again: &Error) -> [[f64
 fn swapped_leaves_are_corrected() {
     let made = Made::new(10);
     let (a, b) = (made.label("leaf 1"), made.label("leaf 2"));
-    let [before, after] = mended(&made, &[a, b], swap(a, b), &swap(a, b));
+    let [before, after] = corrected(&made, &[a, b], swap(a, b), &swap(a, b));
     assert!(before[1] < 0.01 && after[0] > 0.95, "{before:?} {after:?}");
 }
 
@@ -54,7 +54,7 @@ fn swapped_leaves_are_corrected() {
 fn drifting_leaf_is_corrected() {
     let made = Made::new(10);
     let leaf = made.label("leaf 2");
-    let [before, after] = mended(&made, &[leaf], drift(leaf, 12), &drift(leaf, 12));
+    let [before, after] = corrected(&made, &[leaf], drift(leaf, 12), &drift(leaf, 12));
     assert!(before[1] < 0.3 && after[0] > 0.8, "{before:?} {after:?}");
 }
 
@@ -62,7 +62,7 @@ fn drifting_leaf_is_corrected() {
 fn lost_leaf_is_restored() {
     let made = Made::new(10);
     let leaf = made.label("leaf 3");
-    let [before, after] = mended(&made, &[leaf], lose(leaf), &lose(leaf));
+    let [before, after] = corrected(&made, &[leaf], lose(leaf), &lose(leaf));
     assert!(before[1] < 0.01 && after[0] > 0.85, "{before:?} {after:?}");
 }
 

@@ -1,6 +1,6 @@
 //! Faulty trackers on the synthetic plant, with exact depth and cameras.
 
 mod behaviour;
-mod made;
+mod drift;
 mod mending;
-mod straying;
+mod synthetic;

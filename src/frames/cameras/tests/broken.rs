@@ -119,7 +119,7 @@ fn broken_colmap_text_is_an_error() {
         ("1 PINHOLE 640 480 NaN 500 320 240\n", image, "finite"),
         (CAMERA, "1 NaN 0 0 0 0 0 0 1 a.png\n\n", "finite"),
         (CAMERA, "1 1 0 0 0 0 inf 0 1 a.png\n\n", "finite"),
-        (CAMERA, "1 0 0 0 0 0 0 0 1 a.png\n\n", "no rotation"),
+        (CAMERA, "1 0 0 0 0 0 0 0 1 a.png\n\n", "not a rotation"),
         (CAMERA, "1 1 0 0 0 0 0 0 2 a.png\n\n", "camera 2"),
         (CAMERA, "1 1 0 0 0 0 0 0 1\n\n", "no name"),
         (CAMERA, "1 1 0 0\n\n", "ends too early"),
@@ -167,14 +167,14 @@ fn broken_files_of_other_formats_are_errors() {
         (
             "t.log",
             "0 0 1\n2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n",
-            "no rotation",
+            "not a rotation",
         ),
         (
             "x_par.txt",
             "2\na.png 1 0 0 0 1 0 0 0 1 1 0 0 0 1 0 0 0 1 0 0 0\n",
             "2 cameras are announced, 1 follow",
         ),
-        ("x.txt", "a b c d e f\n", "no file of cameras"),
+        ("x.txt", "a b c d e f\n", "not a known camera file"),
         ("x.txt", "", "empty"),
     ] {
         let error = error_in(name, content);
@@ -430,7 +430,7 @@ fn broken_folders_are_errors() {
     assert!(error_of(&folder.path().join("missing")).contains("cannot be read"));
     assert!(error_of(folder.path()).contains("holds no cameras"));
     write(folder.path(), "a/pos_001.txt", "1 0 0 0 0 1 0 0 0 0 0 0");
-    assert!(error_of(&folder.path().join("a")).contains("no projection"));
+    assert!(error_of(&folder.path().join("a")).contains("not a camera projection"));
     write(folder.path(), "b/pos_001.txt", "1 0 0 0 0 nan 0 0 0 0 1 0");
     assert!(error_of(&folder.path().join("b")).contains("finite"));
     write(folder.path(), "c/0.pose.txt", "1 0 0 0 0 1 0 0 0 0 1");

@@ -3,20 +3,20 @@ use glam::{DVec2, DVec3};
 use super::scene::{cameras, dome};
 use crate::blocks::{BLOCK, Column};
 use crate::bundle::layout::Layout;
-use crate::bundle::layout::Sighting;
-use crate::bundle::state::State;
+use crate::bundle::layout::Observation;
+use crate::bundle::state::CameraState;
 use crate::bundle::{Bundle, BundleOptions, Refine};
 
 const STEP: f64 = 1e-6;
 
 /// One view of one camera with everything refined: the pose is block 0, the intrinsics follow.
-fn single_view(bundle: &Bundle) -> (State, Layout) {
+fn single_view(bundle: &Bundle) -> (CameraState, Layout) {
     let refine = vec![Refine {
         focal: true,
         principal: true,
         distortion: true,
     }];
-    let state = State::new(
+    let state = CameraState::new(
         bundle,
         &BundleOptions {
             refine,
@@ -37,10 +37,10 @@ fn single_view(bundle: &Bundle) -> (State, Layout) {
 ///
 /// It is computed by central differences.
 fn difference(
-    state: &State,
+    state: &CameraState,
     layout: &Layout,
     point: DVec3,
-    sighting: &Sighting,
+    observation: &Observation,
     unknown: usize,
 ) -> DVec2 {
     let residual = |by: f64| {
@@ -48,7 +48,7 @@ fn difference(
         step[unknown / BLOCK][unknown % BLOCK] = by;
         state
             .moved(layout, &step)
-            .observe(point, sighting)
+            .observe(point, observation)
             .unwrap()
             .residual
     };
@@ -62,11 +62,11 @@ fn derivatives_match_finite_differences_for_every_lens() {
         let (state, layout) = single_view(&bundle);
         for seen in &bundle.observations {
             let point = bundle.points[seen.point as usize];
-            let sighting = Sighting {
+            let observation = Observation {
                 image: 0,
                 at_px: seen.at_px + DVec2::new(3.0, -2.0),
             };
-            let observed = state.observe(point, &sighting).unwrap();
+            let observed = state.observe(point, &observation).unwrap();
             assert!(
                 observed.residual.abs_diff_eq(DVec2::new(-3.0, 2.0), 1e-9),
                 "{camera:?}"
@@ -80,7 +80,7 @@ fn derivatives_match_finite_differences_for_every_lens() {
             };
             for axis in 0..3 {
                 let shift = STEP * DVec3::AXES[axis];
-                let residual = |x: DVec3| state.observe(x, &sighting).unwrap().residual;
+                let residual = |x: DVec3| state.observe(x, &observation).unwrap().residual;
                 let differenced =
                     (residual(point + shift) - residual(point - shift)) / (2.0 * STEP);
                 close(
@@ -90,7 +90,7 @@ fn derivatives_match_finite_differences_for_every_lens() {
                 );
             }
             for unknown in 0..BLOCK {
-                let differenced = difference(&state, &layout, point, &sighting, unknown);
+                let differenced = difference(&state, &layout, point, &observation, unknown);
                 close(
                     DVec2::from(observed.by_pose().map(|row| row[unknown])),
                     differenced,
@@ -99,7 +99,7 @@ fn derivatives_match_finite_differences_for_every_lens() {
             }
             let [first, second] = observed.by_intrinsics();
             for unknown in 0..(layout.len() - 1) * BLOCK {
-                let differenced = difference(&state, &layout, point, &sighting, BLOCK + unknown);
+                let differenced = difference(&state, &layout, point, &observation, BLOCK + unknown);
                 let rows = if unknown < BLOCK { &first } else { &second };
                 close(
                     DVec2::from(rows.map(|row| row[unknown % BLOCK])),
@@ -126,12 +126,12 @@ fn lens_projects_like_the_camera() {
             let world = pose.inverse().transform(x);
             // The fold is searched with other steps than in the camera: near it, they may differ.
             let expected = camera.project(pose.transform(world));
-            let sighting = |at_px| Sighting { image: 0, at_px };
+            let observation = |at_px| Observation { image: 0, at_px };
             match (expected, state.sees(world, 0)) {
                 (Some(at_px), true) => {
                     assert!(
                         state
-                            .observe(world, &sighting(at_px))
+                            .observe(world, &observation(at_px))
                             .unwrap()
                             .residual
                             .length()

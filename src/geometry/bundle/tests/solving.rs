@@ -3,11 +3,11 @@ use nalgebra::{DMatrix, DVector};
 use super::scene::{Noise, blur, disturb, dome, pinhole};
 use crate::Distortion;
 use crate::blocks::{BLOCK, Column, Skyline, conjugate_gradients};
-use crate::bundle::adjust::Trial;
+use crate::bundle::adjust::CandidateStep;
 use crate::bundle::arrange::arrange;
-use crate::bundle::layout::{Layout, Piece};
+use crate::bundle::layout::{Layout, PointBlock};
 use crate::bundle::normal::Normal;
-use crate::bundle::state::State;
+use crate::bundle::state::CameraState;
 use crate::bundle::{Bundle, BundleOptions, Loss, Refine};
 
 const DAMPING: f64 = 1e-3;
@@ -22,27 +22,34 @@ fn disturbed(bundle: Bundle) -> Bundle {
 /// Returns the step of the full normal equations and the model's decrease.
 ///
 /// The equations include the points and have no padding.
-fn without_elimination(layout: &Layout, pieces: &[Piece], state: &State) -> (DVector<f64>, f64) {
+fn without_elimination(
+    layout: &Layout,
+    point_blocks: &[PointBlock],
+    state: &CameraState,
+) -> (DVector<f64>, f64) {
     let before = layout.len() * BLOCK;
-    let points: usize = pieces.iter().map(|piece| piece.points.len()).sum();
+    let points: usize = point_blocks
+        .iter()
+        .map(|point_block| point_block.points.len())
+        .sum();
     let (mut matrix, mut right) = (
         DMatrix::zeros(before + 3 * points, before + 3 * points),
         DVector::zeros(0),
     );
     right.resize_vertically_mut(before + 3 * points, 0.0);
     let mut first = before;
-    for piece in pieces {
-        for (p, &point) in piece.points.iter().enumerate() {
-            for sighting in &piece.sightings[piece.sightings_of(p)] {
-                let observed = state.observe(point, sighting).unwrap();
+    for point_block in point_blocks {
+        for (p, &point) in point_block.points.iter().enumerate() {
+            for observation in &point_block.observations[point_block.observations_of(p)] {
+                let observed = state.observe(point, observation).unwrap();
                 let mut rows: Vec<(usize, [f64; 2])> = Vec::new();
                 let mut push = |at: usize, [x, y]: [Column; 2]| {
                     rows.extend((0..BLOCK).map(|i| (at * BLOCK + i, [x[i], y[i]])));
                 };
-                if let Some(block) = layout.poses[sighting.image as usize] {
+                if let Some(block) = layout.poses[observation.image as usize] {
                     push(block, observed.by_pose());
                 }
-                let intrinsics = layout.intrinsics[state.camera_of(sighting.image)].clone();
+                let intrinsics = layout.intrinsics[state.camera_of(observation.image)].clone();
                 intrinsics
                     .zip(observed.by_intrinsics())
                     .for_each(|(block, by)| push(block, by));
@@ -88,25 +95,29 @@ fn step_equals_that_of_the_full_normal_equations() {
         fixed_images: vec![false, true],
         ..BundleOptions::default()
     };
-    let state = State::new(&bundle, &options);
-    let (layout, mut pieces) = arrange(&bundle, &options, &state);
-    assert!(pieces.len() > 2 && layout.len() == 8);
-    let (expected, fall) = without_elimination(&layout, &pieces, &state);
+    let state = CameraState::new(&bundle, &options);
+    let (layout, mut point_blocks) = arrange(&bundle, &options, &state);
+    assert!(point_blocks.len() > 2 && layout.len() == 8);
+    let (expected, fall) = without_elimination(&layout, &point_blocks, &state);
     let mut normal = Normal::new(&layout);
-    normal.build(&pieces, &layout, &state, DAMPING);
+    normal.build(&point_blocks, &layout, &state, DAMPING);
     let step = normal.solve().unwrap();
     let moved = state.moved(&layout, &step);
-    let trial = Trial {
+    let candidate = CandidateStep {
         layout: &layout,
         state: &state,
         moved: &moved,
         step: &step,
         damping: DAMPING,
     };
-    let outcome = trial.evaluate(&mut pieces);
-    let shifts = pieces
-        .iter()
-        .flat_map(|piece| piece.tried.iter().zip(&piece.points).map(|(a, b)| *a - *b));
+    let outcome = candidate.evaluate(&mut point_blocks);
+    let shifts = point_blocks.iter().flat_map(|point_block| {
+        point_block
+            .tried
+            .iter()
+            .zip(&point_block.points)
+            .map(|(a, b)| *a - *b)
+    });
     let found = step
         .as_flattened()
         .iter()
@@ -167,22 +178,22 @@ fn conjugate_gradients_gain_as_much_as_factorisation() {
         }],
         ..BundleOptions::default()
     };
-    let state = State::new(&bundle, &options);
-    let (layout, mut pieces) = arrange(&bundle, &options, &state);
+    let state = CameraState::new(&bundle, &options);
+    let (layout, mut point_blocks) = arrange(&bundle, &options, &state);
     let mut normal = Normal::new(&layout);
-    normal.build(&pieces, &layout, &state, 1e-4);
+    normal.build(&point_blocks, &layout, &state, 1e-4);
     let near = conjugate_gradients(&normal.matrix, &normal.right).unwrap();
     let exact = normal.solve().unwrap();
     let mut fall = |step: &[Column]| {
         let moved = state.moved(&layout, step);
-        let trial = Trial {
+        let candidate = CandidateStep {
             layout: &layout,
             state: &state,
             moved: &moved,
             step,
             damping: 1e-4,
         };
-        trial.evaluate(&mut pieces).predicted
+        candidate.evaluate(&mut point_blocks).predicted
     };
     let (near, exact) = (fall(&near), fall(&exact));
     assert!(

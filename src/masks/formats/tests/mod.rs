@@ -1,7 +1,7 @@
 //! Tests of the mask formats: round trips, handwritten files and damaged files.
 
-mod by_hand;
-mod pictures;
+mod handwritten;
+mod images;
 mod round_trip;
 
 use std::path::Path;

@@ -91,7 +91,7 @@ fn unlabelled_frames_survive_in_every_format_but_coco() {
         assert_eq!(
             read.warnings.len(),
             2 - frames,
-            "COCO says that a picture has no outlines: {:?}",
+            "COCO says that an image has no outlines: {:?}",
             read.warnings
         );
     }

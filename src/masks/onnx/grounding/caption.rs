@@ -84,7 +84,7 @@ impl Caption {
     pub fn new(tokenizer: &Tokenizer, phrases: &[String]) -> Result<Self, MaskError> {
         if phrases.is_empty() {
             return Err(MaskError::Request(
-                "there is no word to look for; name what is to be found".into(),
+                "there is nothing to search for; enter one or more words".into(),
             ));
         }
         let mut caption = Self {
@@ -98,7 +98,7 @@ impl Caption {
             let mut ids = tokenizer.ids(plain)?;
             if ids.is_empty() || plain.contains(['.', '?']) {
                 let text = format!(
-                    "'{phrase}' is no phrase; give a few words without full stop or question mark"
+                    "'{phrase}' cannot be searched for; enter a few words without full stop or question mark"
                 );
                 return Err(MaskError::Request(text));
             }
@@ -204,7 +204,7 @@ mod tests {
             let phrases: Vec<String> = phrases.iter().map(|&phrase| phrase.to_owned()).collect();
             Caption::new(&tokenizer, &phrases).unwrap_err().to_string()
         };
-        assert!(refusal(&[]).contains("no word"));
+        assert!(refusal(&[]).contains("nothing to search for"));
         assert!(refusal(&["cat", " . "]).contains("' . '"));
         assert!(refusal(&["cat. dog"]).contains("'cat. dog'"));
         assert!(refusal(&["cat"; 200]).contains("402 tokens"));

@@ -80,7 +80,7 @@ impl GroundingDino {
     /// # Errors
     /// [`MaskError::Request`] for invalid or too many phrases (see [`Caption::new`]) and for an
     /// empty or very narrow image; [`MaskError::Stopped`], or the error of the network.
-    pub fn look(
+    pub fn detect(
         &self,
         image: &Image,
         phrases: &[String],
@@ -176,7 +176,7 @@ impl TextGrounder for GroundingDino {
         request: &GroundRequest<'_>,
         progress: &Progress,
     ) -> Result<Vec<Grounded>, MaskError> {
-        let answer = self.look(image, request.phrases, progress)?;
+        let answer = self.detect(image, request.phrases, progress)?;
         Ok(answer.above(request.threshold.unwrap_or(LEAST_SCORE)))
     }
 }

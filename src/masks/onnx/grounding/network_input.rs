@@ -28,7 +28,7 @@ impl NetworkInput {
     pub(super) fn new(image: &Image) -> Result<Self, MaskError> {
         if image.pixels.is_empty() {
             return Err(MaskError::Request(
-                "there is nothing to find in an empty picture; open another".into(),
+                "there is nothing to find in an empty image; open another".into(),
             ));
         }
         let (columns, rows) = size(image.width, image.height);
@@ -38,7 +38,7 @@ impl NetworkInput {
             .sum();
         if cells < QUERIES {
             let text = format!(
-                "a picture of {}×{} is too narrow to look for words",
+                "an image of {}×{} is too narrow to search",
                 image.width, image.height
             );
             return Err(MaskError::Request(format!("{text}; crop it")));

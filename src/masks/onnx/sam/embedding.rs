@@ -56,8 +56,9 @@ impl Embedding {
     /// # Errors
     /// [`MaskError::Network`] if the bytes are truncated or inconsistent.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, MaskError> {
-        let broken =
-            || MaskError::Network("a kept embedding is damaged; delete it, it is made anew".into());
+        let broken = || {
+            MaskError::Network("a kept embedding is damaged; delete it, it is made again".into())
+        };
         let words: Vec<[u8; 4]> = bytes
             .chunks_exact(4)
             .filter_map(|word| word.try_into().ok())

@@ -24,14 +24,14 @@ pub struct SamFrame {
     ///
     /// A new click adds one question to those already answered; moving the pointer repeats the last
     /// one.
-    known: Mutex<VecDeque<(Asked, Arc<Answer>)>>,
+    known: Mutex<VecDeque<(AnswerKey, Arc<Answer>)>>,
 }
 
 /// A question and the answer that it refines.
 ///
 /// The earlier answer is kept alive, so that its address stays unique.
 #[derive(Debug)]
-struct Asked {
+struct AnswerKey {
     question: Question,
     before: Option<Arc<Answer>>,
 }
@@ -51,7 +51,7 @@ impl SamFrame {
         } = *embedding;
         if decoder.embedding() != (EmbeddingShape { channels, cells }) {
             let what = format!(
-                "an embedding of {channels}×{cells}×{cells} is not of this network; make it anew"
+                "an embedding of {channels}×{cells}×{cells} is not of this network; make it again"
             );
             return Err(MaskError::Network(what));
         }
@@ -104,15 +104,15 @@ impl SamFrame {
         before: Option<&Arc<Answer>>,
     ) -> Result<Arc<Answer>, MaskError> {
         let question = self.question(clicks, within);
-        let is_same = |asked: &Asked| {
-            let same_before = match (&asked.before, before) {
+        let is_same = |key: &AnswerKey| {
+            let same_before = match (&key.before, before) {
                 (Some(a), Some(b)) => Arc::ptr_eq(a, b),
                 (a, b) => a.is_none() && b.is_none(),
             };
-            same_before && asked.question == question
+            same_before && key.question == question
         };
         let known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, answer)) = known.iter().find(|(asked, _)| is_same(asked)) {
+        if let Some((_, answer)) = known.iter().find(|(key, _)| is_same(key)) {
             return Ok(Arc::clone(answer));
         }
         drop(known);
@@ -131,7 +131,7 @@ impl SamFrame {
         });
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         known.push_back((
-            Asked {
+            AnswerKey {
                 question,
                 before: before.cloned(),
             },

@@ -102,7 +102,7 @@ impl Taps {
 /// Number of samples of a region along each side of a logit's cell.
 const SAMPLES: usize = 4;
 /// Logit of a cell that lies completely inside, about as high as those of the network.
-const SURE: f32 = 10.0;
+const CONFIDENT: f32 = 10.0;
 
 /// Converts a region of the image to logits that the decoder can refine.
 ///
@@ -138,6 +138,6 @@ pub(super) fn hint(region: &Region, part: Part, canvas: Canvas, fine: usize) -> 
     let share = |&count: &u32| count as f32 / (SAMPLES * SAMPLES) as f32;
     inside
         .iter()
-        .map(|count| SURE * (2.0 * share(count) - 1.0))
+        .map(|count| CONFIDENT * (2.0 * share(count) - 1.0))
         .collect()
 }

@@ -111,7 +111,7 @@ impl Sam {
             } = part;
             let part = format!("{columns}×{rows} pixels from {x}, {y}");
             return Err(MaskError::Request(format!(
-                "{part} are not in the picture of {width}×{height}; ask for less"
+                "{part} are not in the image of {width}×{height}; ask for less"
             )));
         }
         progress.step(0, 2)?;

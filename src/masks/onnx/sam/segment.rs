@@ -119,9 +119,9 @@ impl SamFrame {
         }
         let logits = self.enlarged(mask);
         let above = |least: f32| logits.iter().filter(|&&logit| logit > least).count();
-        let (sure, possible) = (above(options.offset), above(-options.offset));
-        let stability = sure as f32 / possible.max(1) as f32;
-        if stability < options.least_stability || sure == 0 {
+        let (confidence, possible) = (above(options.offset), above(-options.offset));
+        let stability = confidence as f32 / possible.max(1) as f32;
+        if stability < options.least_stability || confidence == 0 {
             return None;
         }
         let region = self.region(mask);
@@ -185,7 +185,7 @@ impl SamFrame {
         }
         let (width, height) = self.size();
         Err(MaskError::Request(format!(
-            "a mask given does not have the picture's size of {width}×{height}"
+            "a mask given does not have the image's size of {width}×{height}"
         )))
     }
 

@@ -26,7 +26,7 @@ const AGREE: f64 = 0.5;
 /// Maximum expected error of the corners by all pairs, as the same share.
 ///
 /// A camera that hardly moves gives little information, and both halves then agree on little.
-const SURE: f64 = 0.33;
+const CONFIDENT: f64 = 0.33;
 
 /// The cameras of a sensor whose images are not aligned with its depths.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,7 +34,7 @@ pub struct Calibration {
     /// Numbers of the frames taken by this sensor, ascending.
     pub frames: Vec<usize>,
     /// Intrinsics of the images.
-    pub picture: Camera,
+    pub image: Camera,
     /// The camera of the depths; its intrinsics are those that were given for both.
     pub depth: DepthCamera,
 }
@@ -72,9 +72,9 @@ pub fn calibrate(
                 parallax(&recording, progress)?.map(|found| found.cameras(&given))
             }
         };
-        found.extend(cameras.map(|(picture, depth)| Calibration {
+        found.extend(cameras.map(|(image, depth)| Calibration {
             frames: numbers,
-            picture,
+            image,
             depth,
         }));
     }
@@ -89,7 +89,7 @@ impl Calibration {
             if let (Some(camera), Some(DepthSource::Sensor { camera: own, .. })) =
                 (&mut frame.camera, &mut frame.depth)
             {
-                camera.intrinsics = self.picture;
+                camera.intrinsics = self.image;
                 *own = Some(Box::new(self.depth));
             }
         }
@@ -101,10 +101,10 @@ impl fmt::Display for Calibration {
         let focal = |camera: &Camera| 0.5 * (camera.focal_px.x + camera.focal_px.y);
         write!(
             f,
-            "the pictures' camera has a focal length of {:.0} px, not {:.0}, and stands {:.3} beside the depths'",
-            focal(&self.picture),
+            "the images' camera has a focal length of {:.0} px, not {:.0}, and is {:.3} from the depth camera",
+            focal(&self.image),
             focal(&self.depth.intrinsics),
-            self.depth.picture_from_depth.translation.length()
+            self.depth.image_from_depth.translation.length()
         )
     }
 }
@@ -112,7 +112,7 @@ impl fmt::Display for Calibration {
 fn depth_camera(frame: &Frame) -> Option<&DepthCamera> {
     match frame.depth.as_ref()? {
         DepthSource::Sensor { camera, .. } => camera.as_deref(),
-        DepthSource::Made { .. } => None,
+        DepthSource::Estimated { .. } => None,
     }
 }
 
@@ -168,11 +168,11 @@ fn parallax(recording: &Recording<'_>, progress: &Progress) -> Result<Option<Par
     let apart = |a: &Parallax, b: &Parallax| a.apart(b, &recording.camera, typical);
     let size = apart(&found, &Parallax::default());
     let agree = apart(&of_half[0], &of_half[1]) < AGREE * size;
-    let sure = found.doubt(&covariance, &recording.camera, typical) < SURE * size;
+    let confidence = found.uncertainty(&covariance, &recording.camera, typical) < CONFIDENT * size;
     let better = is_better(&halves[1], &of_half[0])
         && is_better(&halves[0], &of_half[1])
         && is_better(&all, &found);
-    Ok((agree && sure && better).then_some(found))
+    Ok((agree && confidence && better).then_some(found))
 }
 
 /// The unknowns of all pairs, then those of the pair's own pose.
@@ -260,12 +260,15 @@ pub fn fit(pairs: &[&Pair]) -> (Parallax, Matrix) {
 pub fn errors(pairs: &[&Pair], parallax: &Parallax) -> [f64; 2] {
     let of_pair = |pair: &&Pair| {
         let shared = pair.shared(LEVEL);
-        let told = |shared: &Shared, parallax: &Parallax| {
+        let reported = |shared: &Shared, parallax: &Parallax| {
             let luma = |view: usize| seen(pair, LEVEL, shared, view, parallax).map(|seen| seen.0);
             Some([luma(0)?, luma(1)?])
         };
         let both = shared.iter().filter_map(|shared| {
-            Some((told(shared, parallax)?, told(shared, &Parallax::default())?))
+            Some((
+                reported(shared, parallax)?,
+                reported(shared, &Parallax::default())?,
+            ))
         });
         let (with, without): (Vec<[f32; 2]>, Vec<[f32; 2]>) = both.unzip();
         let before = unlikeness(&without);
@@ -324,21 +327,21 @@ impl Sums {
     /// off, the more so the less the depth constrains it. Otherwise the error of the pose would be
     /// taken for parallax, and for a certain one.
     fn of(pair: &Pair, shared: &[Shared], level: usize, parallax: &Parallax) -> Self {
-        let turn = pair.turn_of_picture();
-        let told = |shared: &Shared| {
+        let turn = pair.turn_of_image();
+        let reported = |shared: &Shared| {
             let seen = |view: usize| seen(pair, level, shared, view, parallax);
             let ((a, slope_a), (b, slope_b)) = (seen(0)?, seen(1)?);
             // How a small shift in the source's image appears in the target's.
-            let carried = turn * (shared[0].z / shared[1].z);
+            let transferred = turn * (shared[0].z / shared[1].z);
             // The mean of both images' slopes. With the slope of one alone, the noise of texture
             // that is not yet aligned exceeds the signal, and the fit stops halfway (546 px for a
             // focal length of 527).
-            let slope = 0.5 * (slope_b + carried.inverse().transpose() * slope_a);
+            let slope = 0.5 * (slope_b + transferred.inverse().transpose() * slope_a);
             let [by_a, by_b] = shared.map(|point: Vec3| parallax.slopes(point));
             let by_pose = parallax.slopes_of_pose(shared[1]);
             let by = Own::from_fn(|i, _| {
                 let moved = if i < UNKNOWNS {
-                    by_b[i] - carried * by_a[i]
+                    by_b[i] - transferred * by_a[i]
                 } else {
                     by_pose[i - UNKNOWNS]
                 };
@@ -346,10 +349,10 @@ impl Sums {
             });
             Some((b - a, by))
         };
-        let told: Vec<(f32, Own)> = shared.iter().filter_map(told).collect();
-        let (brighter, spread) = middle(told.iter().map(|told| told.0).collect());
+        let reported: Vec<(f32, Own)> = shared.iter().filter_map(reported).collect();
+        let (brighter, spread) = middle(reported.iter().map(|reported| reported.0).collect());
         let (mut hessian, mut gradient) = (OwnMatrix::zeros(), Own::zeros());
-        for (difference, by) in told {
+        for (difference, by) in reported {
             let error = (difference - brighter) / spread;
             let weight = f64::from((FREEDOM + 1.0) / (FREEDOM + error * error)) / ALIKE;
             let by = by / f64::from(spread);
@@ -383,8 +386,8 @@ impl Sums {
 /// Returns how strongly depth constrains the pose of a pair.
 fn held(pair: &Pair) -> PoseMatrix {
     let laid_off = LAID_OFF * f64::from(pair.typical_depth());
-    let told = PoseMatrix::from_fn(|row, column| pair.information()[row][column]);
-    told / (laid_off * laid_off) + PoseMatrix::identity() * LEAST_HELD
+    let reported = PoseMatrix::from_fn(|row, column| pair.information()[row][column]);
+    reported / (laid_off * laid_off) + PoseMatrix::identity() * LEAST_HELD
 }
 
 /// Returns the median, and a standard deviation from the median distance to it.

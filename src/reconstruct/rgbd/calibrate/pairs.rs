@@ -46,7 +46,7 @@ impl Pair {
     /// Images only give the initial pose: where they are not aligned with their depths, they would
     /// pull the pose off.
     fn of(views: [&View; 2]) -> Option<Self> {
-        let blind = views.map(|view| Pyramid::new(&view.without_picture()));
+        let blind = views.map(|view| Pyramid::new(&view.without_image()));
         let views = views.map(Pyramid::new);
         let (guess, _) = align_and_check(views.each_ref(), &[(Pose::IDENTITY, Start::Far)]).ok()?;
         let (aligned, _) =
@@ -70,7 +70,7 @@ impl Pair {
 
     /// Returns how directions in the source's image are rotated in the target's.
     #[must_use]
-    pub fn turn_of_picture(&self) -> Mat2 {
+    pub fn turn_of_image(&self) -> Mat2 {
         Mat2::from_mat3(Isometry::from(&self.aligned.target_from_source).rotation)
     }
 

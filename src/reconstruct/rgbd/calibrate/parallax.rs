@@ -44,8 +44,8 @@ impl Parallax {
     /// The result is on the plane at depth 1 of the camera that was assumed for the image.
     #[must_use]
     pub fn project(&self, point: Vec3) -> Vec2 {
-        let beside = Mat2::from_angle(self.roll) * point.truncate() + self.aside;
-        self.zoom.exp() * beside / point.z + self.shift
+        let adjacent = Mat2::from_angle(self.roll) * point.truncate() + self.aside;
+        self.zoom.exp() * adjacent / point.z + self.shift
     }
 
     /// Returns the derivatives of the projection of a point by the unknowns.
@@ -68,9 +68,9 @@ impl Parallax {
     #[must_use]
     pub fn slopes_of_pose(&self, point: Vec3) -> [Vec2; 6] {
         let turned = Mat2::from_angle(self.roll);
-        let beside = turned * point.truncate() + self.aside;
+        let adjacent = turned * point.truncate() + self.aside;
         let moved = |by: Vec3| {
-            self.zoom.exp() / point.z * (turned * by.truncate() - beside * (by.z / point.z))
+            self.zoom.exp() / point.z * (turned * by.truncate() - adjacent * (by.z / point.z))
         };
         let [x, y, z] = Vec3::AXES;
         [
@@ -89,20 +89,20 @@ impl Parallax {
     #[must_use]
     pub fn cameras(&self, given: &Camera) -> (Camera, DepthCamera) {
         let larger = f64::from(self.zoom).exp();
-        let picture = Camera {
+        let image = Camera {
             focal_px: given.focal_px * larger,
             principal_px: given.principal_px + self.shift.as_dvec2() * given.focal_px,
             ..*given
         };
-        let picture_from_depth = Pose {
+        let image_from_depth = Pose {
             rotation: DQuat::from_rotation_z(self.roll.into()),
             translation: DVec3::from((self.aside.as_dvec2(), 0.0)),
         };
         (
-            picture,
+            image,
             DepthCamera {
                 intrinsics: *given,
-                picture_from_depth,
+                image_from_depth,
                 estimated: true,
             },
         )
@@ -123,7 +123,7 @@ impl Parallax {
     /// Returns the expected error of image positions for a covariance of the unknowns, in the
     /// measure of [`Self::apart`].
     #[must_use]
-    pub fn doubt(&self, covariance: &Matrix, camera: &Camera, typical: f32) -> f64 {
+    pub fn uncertainty(&self, covariance: &Matrix, camera: &Camera, typical: f32) -> f64 {
         let square = |point: Vec3| {
             let slopes = self
                 .slopes(point)
@@ -164,13 +164,13 @@ mod tests {
     #[test]
     fn cameras_project_like_the_parallax() {
         let given = Camera::pinhole(640, 480, 585.0, 580.0, 320.0, 240.0);
-        let (picture, depth) = PARALLAX.cameras(&given);
+        let (image, depth) = PARALLAX.cameras(&given);
         for point in [Vec3::new(0.4, -0.2, 1.5), Vec3::new(-0.5, 0.7, 3.0)] {
-            let seen = picture
-                .project(depth.picture_from_depth.transform(point.as_dvec3()))
+            let seen = image
+                .project(depth.image_from_depth.transform(point.as_dvec3()))
                 .unwrap();
-            let said = given.focal_px * PARALLAX.project(point).as_dvec2() + given.principal_px;
-            assert!(seen.abs_diff_eq(said, 1e-3), "{seen} is not {said}");
+            let message = given.focal_px * PARALLAX.project(point).as_dvec2() + given.principal_px;
+            assert!(seen.abs_diff_eq(message, 1e-3), "{seen} is not {message}");
         }
     }
 
@@ -225,7 +225,7 @@ mod tests {
         let camera = Camera::pinhole(640, 480, 600.0, 600.0, 320.0, 240.0);
         let shift =
             |by: f64| Matrix::from_diagonal(&Vector::from([0.0, 0.0, by * by, 0.0, 0.0, 0.0]));
-        let off = PARALLAX.doubt(&shift(0.02), &camera, 2.0);
+        let off = PARALLAX.uncertainty(&shift(0.02), &camera, 2.0);
         let moved = Parallax {
             shift: PARALLAX.shift + Vec2::new(0.02, 0.0),
             ..PARALLAX
@@ -236,7 +236,7 @@ mod tests {
         );
         let zoom = Matrix::from_diagonal(&Vector::from([1e-6, 0.0, 0.0, 0.0, 0.0, 0.0]));
         let (off, moved) = (
-            PARALLAX.doubt(&zoom, &camera, 2.0),
+            PARALLAX.uncertainty(&zoom, &camera, 2.0),
             Parallax {
                 zoom: PARALLAX.zoom + 1e-3,
                 ..PARALLAX

@@ -36,7 +36,7 @@ pub struct Partner {
 
 /// Position of a source point when its distance to the target was last looked up; arbitrary before that.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Seen {
+pub struct LastLookup {
     moved: DVec3,
     distance: f64,
 }
@@ -80,11 +80,11 @@ impl Level {
     pub fn partners(
         &self,
         target_from_source: &Pose,
-        seen: &mut Vec<Seen>,
+        seen: &mut Vec<LastLookup>,
         progress: &Progress,
     ) -> Result<Vec<Partner>, Stopped> {
-        seen.resize(self.source.len(), Seen::default());
-        let of_chunk = |(chunk, seen): (usize, &mut [Seen])| {
+        seen.resize(self.source.len(), LastLookup::default());
+        let of_chunk = |(chunk, seen): (usize, &mut [LastLookup])| {
             progress.check()?;
             let ours = seen.iter_mut().enumerate();
             Ok(ours
@@ -103,7 +103,7 @@ impl Level {
         &self,
         target_from_source: &Pose,
         source: usize,
-        seen: &mut Seen,
+        seen: &mut LastLookup,
     ) -> Option<Partner> {
         let reach = REACH * self.voxel;
         let moved = target_from_source.transform(self.source.positions[source].as_dvec3());
@@ -111,7 +111,7 @@ impl Level {
             return None;
         }
         let (target, distance) = self.tree.nearest(moved.as_vec3());
-        *seen = Seen {
+        *seen = LastLookup {
             moved,
             distance: f64::from(distance),
         };

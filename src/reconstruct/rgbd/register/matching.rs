@@ -39,11 +39,11 @@ pub fn mutual(
     let mut met: Vec<u32> = there.iter().map(|&(target, _)| target).collect();
     met.sort_unstable();
     met.dedup();
-    let asked: Vec<Descriptor> = met
+    let queries: Vec<Descriptor> = met
         .iter()
         .filter_map(|&index| target.get(index as usize).copied())
         .collect();
-    let back = nearest(&asked, &blocks(source), progress)?;
+    let back = nearest(&queries, &blocks(source), progress)?;
     let mut matches: Vec<Match> = met
         .iter()
         .zip(back)
@@ -82,7 +82,7 @@ fn blocks(descriptors: &[Descriptor]) -> Vec<Block> {
 
 /// Returns the nearest of those in blocks to each of `asked`, as (index, squared distance); the earlier of equals.
 fn nearest(
-    asked: &[Descriptor],
+    queries: &[Descriptor],
     blocks: &[Block],
     progress: &Progress,
 ) -> Result<Vec<(u32, f32)>, Stopped> {
@@ -91,10 +91,10 @@ fn nearest(
         progress.check()?;
         Ok(chunk
             .iter()
-            .map(|asked| arch.dispatch(Nearest { asked, blocks }))
+            .map(|queries| arch.dispatch(Nearest { queries, blocks }))
             .collect())
     };
-    let chunks: Vec<Vec<(u32, f32)>> = asked
+    let chunks: Vec<Vec<(u32, f32)>> = queries
         .par_chunks(CHUNK)
         .map(of_chunk)
         .collect::<Result<_, _>>()?;
@@ -102,7 +102,7 @@ fn nearest(
 }
 
 struct Nearest<'a> {
-    asked: &'a Descriptor,
+    queries: &'a Descriptor,
     blocks: &'a [Block],
 }
 
@@ -115,7 +115,7 @@ impl WithSimd for Nearest<'_> {
         let mut place = [u32::MAX; LANES];
         for (at, block) in self.blocks.iter().enumerate() {
             let mut sums = [0.0; LANES];
-            for (row, value) in block.iter().zip(self.asked) {
+            for (row, value) in block.iter().zip(self.queries) {
                 for lane in 0..LANES {
                     let difference = row[lane] - value;
                     sums[lane] += difference * difference;

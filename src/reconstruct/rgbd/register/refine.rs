@@ -63,7 +63,7 @@ pub struct Refined {
     /// It is the mean squared cosine between that motion and the one that each partner constrains
     /// most. Rotations are counted as shifts at the partners' typical distance from their middle. 0
     /// = the surfaces slide freely, as on one wall; rooms with furniture have more than 0.015.
-    pub firmness: f64,
+    pub observability: f64,
     /// Pearson's correlation of the partners' intensities, −1 to 1; `None` if one side has a single intensity.
     pub correlation: Option<f64>,
     /// Sum over partners of JᵀJ, a symmetric matrix.
@@ -138,7 +138,7 @@ fn refined(
         target_from_source: pose,
         fitness: partners.len() as f64 / finest.source.len() as f64,
         rmse: rmse(finest, &partners),
-        firmness: firmness(finest, &partners),
+        observability: observability(finest, &partners),
         correlation: correlation(finest, &partners),
         information: information(&partners),
     }))
@@ -178,7 +178,7 @@ pub fn information(partners: &[Partner]) -> [[f64; 6]; 6] {
 ///
 /// It is the mean over partners of the squared cosine between that motion and the one that changes
 /// their point-to-plane distance most, in the units of their extent.
-pub fn firmness(level: &Level, partners: &[Partner]) -> f64 {
+pub fn observability(level: &Level, partners: &[Partner]) -> f64 {
     let extent = Extent::new(partners);
     let mut sum: Matrix6<f64> = Matrix6::zeros();
     for partner in partners {

@@ -10,13 +10,13 @@ use ostra_geometry::{Camera, Distortion, Pose};
 
 /// Returns the images' camera of a typical sensor: a shorter focal length, next to that of the
 /// depths and slightly rotated.
-fn beside() -> (Camera, Pose) {
-    let picture = Camera::pinhole(320, 240, 264.0, 264.0, 159.8, 119.6);
-    let picture_from_depth = Pose {
+fn adjacent() -> (Camera, Pose) {
+    let image_camera = Camera::pinhole(320, 240, 264.0, 264.0, 159.8, 119.6);
+    let image_from_depth = Pose {
         rotation: DQuat::from_rotation_z(0.006),
         translation: DVec3::new(-0.026, 0.001, 0.0),
     };
-    (picture, picture_from_depth)
+    (image_camera, image_from_depth)
 }
 
 /// Returns a recording by two cameras next to each other; the true poses are those of the images.
@@ -26,12 +26,12 @@ fn by_two_cameras(steps: usize) -> Recording {
 
 /// Returns the same with the hand at these steps of its path.
 fn by_two_cameras_at(steps: impl Iterator<Item = f64>) -> Recording {
-    let (picture, picture_from_depth) = beside();
+    let (image_camera, image_from_depth) = adjacent();
     let mut recording = Recording::new();
     for (step, at) in steps.enumerate() {
         let depth_pose = hand_at(at);
-        let pose = picture_from_depth.compose(&depth_pose);
-        let (image, _) = seen_through(&picture, &pose, 0.0, 0);
+        let pose = image_from_depth.compose(&depth_pose);
+        let (image, _) = seen_through(&image_camera, &pose, 0.0, 0);
         let (_, depth) = seen(&depth_pose, 0.0015, step as u64);
         recording.add(&(image, depth), pose);
     }
@@ -49,16 +49,16 @@ fn found(recording: &Recording) -> Vec<Calibration> {
 
 /// Returns the error of the image's corners for points at a depth, in pixels.
 fn off_px(found: &Calibration, depth: f64) -> f64 {
-    let (picture, picture_from_depth) = beside();
+    let (image_camera, image_from_depth) = adjacent();
     let off = |x: f64, y: f64| {
         let point = camera().unproject(glam::DVec2::new(x, y)).extend(1.0) * depth;
-        let truth = picture
-            .project(picture_from_depth.transform(point))
+        let truth = image_camera
+            .project(image_from_depth.transform(point))
             .unwrap();
         truth.distance(
             found
-                .picture
-                .project(found.depth.picture_from_depth.transform(point))
+                .image
+                .project(found.depth.image_from_depth.transform(point))
                 .unwrap(),
         )
     };
@@ -88,7 +88,7 @@ fn shifted_image_camera_is_found_and_the_recording_placed_by_it() {
     // of the camera is hardly constrained, so that near points are farther off.
     for (depth, most_px) in [(2.4, 2.5), (1.2, 6.0)] {
         let off = off_px(calibration, depth);
-        println!("pictures beside their depths: {off:.2} px off at {depth} m");
+        println!("images not aligned with their depths: {off:.2} px off at {depth} m");
         assert!(off < most_px, "{off} px at {depth} m: {calibration}");
     }
     calibration.apply(&mut recording.frames);
@@ -98,7 +98,7 @@ fn shifted_image_camera_is_found_and_the_recording_placed_by_it() {
         result
             .cameras
             .values()
-            .all(|camera| camera.intrinsics == calibration.picture)
+            .all(|camera| camera.intrinsics == calibration.image)
     );
     let all: Vec<usize> = result.cameras.keys().copied().collect();
     for (frame, off, turn) in recording.errors(&result, &all) {
@@ -169,14 +169,14 @@ fn sensor_that_hardly_moves_gives_no_calibration() {
 
 #[test]
 fn depth_of_another_size_is_projected_to_the_images() {
-    let (picture, picture_from_depth) = beside();
+    let (image_camera, image_from_depth) = adjacent();
     let mut recording = by_two_cameras(1);
     let larger = Camera {
         width: 640,
         height: 480,
-        focal_px: 2.0 * picture.focal_px,
-        principal_px: 2.0 * picture.principal_px,
-        ..picture
+        focal_px: 2.0 * image_camera.focal_px,
+        principal_px: 2.0 * image_camera.principal_px,
+        ..image_camera
     };
     let (image, exact) = seen_through(&larger, &recording.truth[0], 0.0, 0);
     let (_, depth) = seen(&hand_at(0.0), 0.0, 0);
@@ -188,7 +188,7 @@ fn depth_of_another_size_is_projected_to_the_images() {
     };
     *own = Some(Box::new(DepthCamera {
         intrinsics: camera(),
-        picture_from_depth,
+        image_from_depth,
         estimated: false,
     }));
     let seen = FrameStore::new(64 << 20).depth(frame).unwrap().unwrap();

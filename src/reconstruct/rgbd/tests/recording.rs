@@ -12,7 +12,7 @@ use crate::rgbd::{
 use crate::sfm::matching::NearestMatcher;
 use crate::sfm::{FeatureError, FeatureMatcher, Features, Outcome, Sift};
 use ostra_core::job::Progress;
-use ostra_frames::{DepthMap, DepthSource, Frame, FrameCamera, FrameStore, Image, PictureSource};
+use ostra_frames::{DepthMap, DepthSource, Frame, FrameCamera, FrameStore, Image, ImageSource};
 use ostra_geometry::{Alignment, Pose, Similarity};
 
 /// A recording on disk, and the true poses of the camera.
@@ -49,7 +49,7 @@ impl Recording {
             name: format!("c{number:03}.png"),
             width: image.width,
             height: image.height,
-            picture: PictureSource::File {
+            image: ImageSource::File {
                 path: path("c"),
                 orientation: Default::default(),
             },
@@ -322,15 +322,15 @@ fn frames_between_are_placed() {
 #[test]
 fn callback_receives_poses_in_order_and_then_the_final_ones() {
     let recording = Recording::of(0..9);
-    let told = Mutex::new(Vec::new());
-    let take = |frame: usize, pose: &Pose| told.lock().unwrap().push((frame, *pose));
+    let reported = Mutex::new(Vec::new());
+    let take = |frame: usize, pose: &Pose| reported.lock().unwrap().push((frame, *pose));
     let result = recording
         .register_watched(&NearestMatcher::for_bytes(), 2, &Progress::default(), &take)
         .unwrap();
-    let told = told.into_inner().unwrap();
-    let first: Vec<usize> = told.iter().map(|(frame, _)| *frame).take(5).collect();
+    let reported = reported.into_inner().unwrap();
+    let first: Vec<usize> = reported.iter().map(|(frame, _)| *frame).take(5).collect();
     assert_eq!(first, [0, 2, 4, 6, 8], "while odometry goes on");
-    let end: BTreeMap<usize, Pose> = told.into_iter().collect();
+    let end: BTreeMap<usize, Pose> = reported.into_iter().collect();
     assert_eq!(end.len(), 9);
     for (frame, camera) in &result.cameras {
         assert!(

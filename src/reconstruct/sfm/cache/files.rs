@@ -49,7 +49,7 @@ struct Pairs {
 
 #[derive(Debug, Default)]
 struct Counts {
-    pictures: AtomicUsize,
+    images: AtomicUsize,
     pairs: AtomicUsize,
 }
 
@@ -83,12 +83,12 @@ impl FeatureCache {
     #[must_use]
     pub fn report(&self) -> Option<String> {
         let count = |counts: &AtomicUsize| counts.load(Ordering::Relaxed);
-        let [pictures, pairs] = [&self.found.pictures, &self.found.pairs].map(count);
-        let [more_pictures, more_pairs] = [&self.made.pictures, &self.made.pairs].map(count);
-        (pictures + pairs > 0).then(|| {
+        let [images, pairs] = [&self.found.images, &self.found.pairs].map(count);
+        let [more_images, more_pairs] = [&self.made.images, &self.made.pairs].map(count);
+        (images + pairs > 0).then(|| {
             format!(
-                "features of {pictures} of {} images and matches of {pairs} of {} pairs were there from an earlier run",
-                pictures + more_pictures,
+                "features of {images} of {} images and matches of {pairs} of {} pairs were there from an earlier run",
+                images + more_images,
                 pairs + more_pairs
             )
         })
@@ -118,7 +118,7 @@ impl FeatureCache {
         } else {
             &self.made
         };
-        counts.pictures.fetch_add(1, Ordering::Relaxed);
+        counts.images.fetch_add(1, Ordering::Relaxed);
         if found.is_some() {
             disk::mark_used(&path);
         }

@@ -11,7 +11,7 @@ use crate::sfm::{Descriptors, FeatureError, FeatureExtractor, FeatureMatcher, Fe
 /// Counts its calls; returns as many features as the image is wide.
 #[derive(Default)]
 struct Worker {
-    pictures: AtomicUsize,
+    images: AtomicUsize,
     pairs: AtomicUsize,
     depends_on_set: bool,
 }
@@ -28,7 +28,7 @@ impl FeatureExtractor for Worker {
         height: usize,
         _: Option<&[bool]>,
     ) -> Result<Features, FeatureError> {
-        self.pictures.fetch_add(1, Ordering::Relaxed);
+        self.images.fetch_add(1, Ordering::Relaxed);
         Ok(Features {
             width: width as u32,
             height: height as u32,
@@ -96,7 +96,7 @@ impl Run {
 
     fn count(&self) -> (usize, usize) {
         (
-            self.worker.pictures.load(Ordering::Relaxed),
+            self.worker.images.load(Ordering::Relaxed),
             self.worker.pairs.load(Ordering::Relaxed),
         )
     }
@@ -146,12 +146,12 @@ fn matches_are_cached_by_images_and_by_set_if_they_depend_on_it() {
             folder: scratch.path().join(format!("cache-{depends_on_set}")),
             worker,
         };
-        let pictures = [8, 12, 16].map(|width| {
+        let images = [8, 12, 16].map(|width| {
             run.worker
                 .extract(&vec![width as f32; 4 * width], width, 4, None)
                 .unwrap()
         });
-        let all: Vec<&Features> = pictures.iter().collect();
+        let all: Vec<&Features> = images.iter().collect();
         assert_eq!(run.matches(&all, (0, 2)), run.matches(&all, (0, 2)));
         assert_eq!(run.count().1, 1);
         run.matches(&[all[0], all[2]], (0, 1));

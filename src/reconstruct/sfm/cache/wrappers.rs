@@ -73,20 +73,20 @@ impl FeatureMatcher for CachedMatcher<'_> {
         self.matcher.matches(first, second)
     }
 
-    fn of_set<'a>(&'a self, pictures: &'a [&'a Features]) -> Result<PairMatches<'a>, FeatureError> {
+    fn of_set<'a>(&'a self, images: &'a [&'a Features]) -> Result<PairMatches<'a>, FeatureError> {
         Ok(self.cached(
-            self.keys(pictures),
-            pictures,
-            Some(self.matcher.of_set(pictures)?),
+            self.keys(images),
+            images,
+            Some(self.matcher.of_set(images)?),
         ))
     }
 
     fn of_pairs<'a>(
         &'a self,
-        pictures: &'a [&'a Features],
+        images: &'a [&'a Features],
         pairs: &[(usize, usize)],
     ) -> Result<PairMatches<'a>, FeatureError> {
-        let keys = self.keys(pictures);
+        let keys = self.keys(images);
         let is_known =
             |&(first, second): &(usize, usize)| self.cache.has_pair(&keys.of(first, second));
         // The shared data of a set is only computed if some pair is unknown. It is computed outside
@@ -94,15 +94,15 @@ impl FeatureMatcher for CachedMatcher<'_> {
         // waiting for itself.
         let needs_matcher = !pairs.iter().all(is_known);
         let matcher = needs_matcher
-            .then(|| self.matcher.of_pairs(pictures, pairs))
+            .then(|| self.matcher.of_pairs(images, pairs))
             .transpose()?;
-        Ok(self.cached(keys, pictures, matcher))
+        Ok(self.cached(keys, images, matcher))
     }
 }
 
 impl CachedMatcher<'_> {
-    fn keys(&self, pictures: &[&Features]) -> PairKeys {
-        let digests: Vec<Key> = pictures
+    fn keys(&self, images: &[&Features]) -> PairKeys {
+        let digests: Vec<Key> = images
             .iter()
             .map(|one| Sha256::digest(encode_features(one)).into())
             .collect();
@@ -116,19 +116,19 @@ impl CachedMatcher<'_> {
     fn cached<'a>(
         &'a self,
         keys: PairKeys,
-        pictures: &'a [&'a Features],
+        images: &'a [&'a Features],
         matcher: Option<PairMatches<'a>>,
     ) -> PairMatches<'a> {
         Box::new(move |first, second| {
             let key = keys.of(first, second);
-            let counts = [pictures[first], pictures[second]].map(|one| one.keypoints.len());
+            let counts = [images[first], images[second]].map(|one| one.keypoints.len());
             if let Some(known) = self.cache.pair(&key).filter(|known| fits(known, counts)) {
                 return Ok(known);
             }
             let made = match &matcher {
                 Some(matcher) => matcher(first, second)?,
                 // The cached matches do not fit the keypoints: a file was changed.
-                None => self.matcher.matches(pictures[first], pictures[second])?,
+                None => self.matcher.matches(images[first], images[second])?,
             };
             self.cache.keep_pair(key, &made);
             Ok(made)

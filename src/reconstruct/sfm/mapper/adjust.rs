@@ -121,14 +121,14 @@ impl Mapper<'_> {
         for _ in 0..rounds {
             let free: BTreeSet<u32> = self.model.placed().collect();
             let all: BTreeSet<u32> = self.model.points().map(|(point, _)| point).collect();
-            let sightings: usize = self
+            let observations: usize = self
                 .model
                 .points()
                 .map(|(_, point)| point.track.len())
                 .sum();
             self.adjust(&free, &all, effort)?;
             let changes = self.filter(&all) + self.find_more();
-            if (changes as f64) < CHANGE * sightings as f64 {
+            if (changes as f64) < CHANGE * observations as f64 {
                 break;
             }
         }

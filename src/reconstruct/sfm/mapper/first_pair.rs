@@ -21,7 +21,7 @@ pub enum Start {
         /// Median angle between the rays of these matches in radians.
         parallax: f64,
         /// Required number of matches and parallax in radians. Lower than in the options if no pair had as much.
-        asked: (usize, f64),
+        queries: (usize, f64),
     },
 }
 
@@ -46,22 +46,23 @@ impl Mapper<'_> {
     pub fn start_from_pair(&mut self) -> Result<Option<Start>, Stopped> {
         let problem = self.problem;
         let mut tried = BTreeSet::new();
-        for asked in RELAXED.map(|(matches, parallax)| relaxed(self.options, matches, parallax)) {
+        for queries in RELAXED.map(|(matches, parallax)| relaxed(self.options, matches, parallax)) {
             let mut ranked: Vec<(usize, &VerifiedPair)> =
                 problem.pairs.iter().enumerate().collect();
-            ranked.retain(|(number, pair)| !tried.contains(number) && self.may_start(pair, asked));
+            ranked
+                .retain(|(number, pair)| !tried.contains(number) && self.may_start(pair, queries));
             ranked.sort_by_key(|(number, pair)| (std::cmp::Reverse(pair.matches.len()), *number));
             for (number, pair) in ranked.into_iter().take(TRIES) {
                 self.progress.check()?;
                 tried.insert(number);
-                if self.try_pair(pair, asked)? {
+                if self.try_pair(pair, queries)? {
                     let (images, matches, parallax) =
                         (pair.images, pair.matches.len(), pair.parallax);
                     return Ok(Some(Start::Pair {
                         images,
                         matches,
                         parallax,
-                        asked,
+                        queries,
                     }));
                 }
             }

@@ -6,7 +6,7 @@ use crate::sfm::{
     Correspondences, IntrinsicsSource, KeypointId, MapProblem, ModelPoint, SparseModel,
 };
 use ostra_core::job::Progress;
-use ostra_geometry::{Pose, Sighting};
+use ostra_geometry::{Pose, RayObservation};
 
 /// Options of incremental mapping.
 ///
@@ -134,14 +134,14 @@ impl<'a> Mapper<'a> {
     }
 
     /// Returns the observation of a keypoint by its image, if that is placed.
-    pub fn sighting(&self, keypoint: KeypointId) -> Option<Sighting<'_>> {
+    pub fn observation(&self, keypoint: KeypointId) -> Option<RayObservation<'_>> {
         let image = keypoint.image as usize;
         let at_plane = self.rays[image][keypoint.index as usize];
         let camera_from_world = self.model.poses[image]
             .as_ref()
             .filter(|_| at_plane.is_finite())?;
         let camera = &self.model.cameras[self.problem.images[image].camera];
-        Some(Sighting {
+        Some(RayObservation {
             camera,
             camera_from_world,
             at_px: self.at_px(keypoint),

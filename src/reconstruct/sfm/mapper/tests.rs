@@ -6,7 +6,7 @@ use super::{Mapped, MapperOptions, Start, map};
 use crate::sfm::{IntrinsicsSource, MapCamera, MapImage, MapProblem, VerifiedPair};
 use ostra_core::job::Progress;
 use ostra_geometry::{
-    Alignment, Camera, Distortion, Pose, TrajectoryError, TwoViewOptions, estimate_two_view,
+    Alignment, Camera, Distortion, Pose, TrajectoryMetrics, TwoViewOptions, estimate_two_view,
 };
 
 /// A synthetic scene: cameras around a block of points, keypoints with noise, matches with outliers.
@@ -188,7 +188,7 @@ impl Made {
             .zip(&mapped.model.poses)
             .filter_map(|(truth, found)| Some(((*found)?, *truth)));
         let (found, truth): (Vec<Pose>, Vec<Pose>) = placed.unzip();
-        let error = TrajectoryError::between(&found, &truth, Alignment::Sim3).unwrap();
+        let error = TrajectoryMetrics::between(&found, &truth, Alignment::Sim3).unwrap();
         (error.centre.max / error.extent, error.rotation_deg.max)
     }
 }

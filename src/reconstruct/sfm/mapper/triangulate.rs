@@ -2,7 +2,7 @@ use glam::DVec3;
 
 use super::state::Mapper;
 use crate::sfm::KeypointId;
-use ostra_geometry::{Sighting, TriangulationOptions, triangulate_robust};
+use ostra_geometry::{RayObservation, TriangulationOptions, triangulate_robust};
 
 impl Mapper<'_> {
     /// Triangulates keypoints of an image that see no point yet, or adds them to points of their matches.
@@ -49,19 +49,19 @@ impl Mapper<'_> {
                 .iter()
                 .filter(|&&link| self.model.point_of(link).is_none()),
         );
-        track.retain(|&keypoint| self.sighting(keypoint).is_some());
+        track.retain(|&keypoint| self.observation(keypoint).is_some());
         if track.len() < 2 || track[0] != keypoint {
             return false;
         }
-        let sightings: Vec<Sighting<'_>> = track
+        let observations: Vec<RayObservation<'_>> = track
             .iter()
-            .filter_map(|&keypoint| self.sighting(keypoint))
+            .filter_map(|&keypoint| self.observation(keypoint))
             .collect();
         let options = TriangulationOptions {
             max_error_px: self.options.max_error_px,
             min_angle: self.options.min_angle,
         };
-        let Some(made) = triangulate_robust(&sightings, &options) else {
+        let Some(made) = triangulate_robust(&observations, &options) else {
             return false;
         };
         let inliers = made.inliers.iter().map(|&i| track[i as usize]).collect();

@@ -15,13 +15,13 @@ use super::centres::{LANES, NO_CENTRE, ROWS, Value, k_means, nearest_centres, ti
 struct Record {
     /// Dot product with the nearest, for unit vectors.
     best: f32,
-    /// Its index; [`NOBODY`] before the first.
+    /// Its index; [`UNASSIGNED`] before the first.
     index: u32,
     /// Whether the second nearest spoils the ratio.
     ambiguous: bool,
 }
 
-const NOBODY: u32 = u32::MAX;
+const UNASSIGNED: u32 = u32::MAX;
 
 /// The conditions under which a nearest neighbour is a match.
 #[derive(Debug, Clone, Copy)]
@@ -58,7 +58,7 @@ impl Rule {
     fn blank(self) -> Record {
         Record {
             best: self.rival(self.floor),
-            index: NOBODY,
+            index: UNASSIGNED,
             ambiguous: true,
         }
     }
@@ -82,7 +82,7 @@ impl Rule {
             return record;
         }
         if score > record.best {
-            let ambiguous = record.index != NOBODY && self.spoils(score, record.best);
+            let ambiguous = record.index != UNASSIGNED && self.spoils(score, record.best);
             return Record {
                 best: score,
                 index,
@@ -103,7 +103,7 @@ impl Rule {
 
     /// Returns the match, if the record holds one.
     fn accepted(self, record: Record) -> Option<u32> {
-        (record.index != NOBODY && !record.ambiguous && record.best > self.floor)
+        (record.index != UNASSIGNED && !record.ambiguous && record.best > self.floor)
             .then_some(record.index)
     }
 }
@@ -129,21 +129,21 @@ pub(super) struct Cells {
 
 impl Cells {
     /// Sorts descriptors into cells around centres that all images share; a single cell if there are few.
-    pub fn of_set<T: Value>(pictures: &[&[T]], dim: usize) -> Vec<Self> {
-        let most = pictures
+    pub fn of_set<T: Value>(images: &[&[T]], dim: usize) -> Vec<Self> {
+        let most = images
             .iter()
             .map(|values| values.len() / dim)
             .max()
             .unwrap_or(0);
         if most <= EXHAUSTIVE {
-            return pictures
+            return images
                 .iter()
                 .map(|values| Self::one((values.len() / dim) as u32))
                 .collect();
         }
         let count = (most / PER_CENTRE).min(MAX_CENTRES);
-        let centres = k_means(&sample(pictures, dim, count * SAMPLE), dim, count, ROUNDS);
-        pictures
+        let centres = k_means(&sample(images, dim, count * SAMPLE), dim, count, ROUNDS);
+        images
             .par_iter()
             .map(|values| Self::around(&centres, values, dim))
             .collect()
@@ -176,10 +176,10 @@ impl Cells {
 }
 
 /// Returns about `count` descriptors as vectors of length 1, spread evenly over all images, which take turns.
-fn sample<T: Value>(pictures: &[&[T]], dim: usize, count: usize) -> Vec<f32> {
-    let all: usize = pictures.iter().map(|values| values.len() / dim).sum();
+fn sample<T: Value>(images: &[&[T]], dim: usize, count: usize) -> Vec<f32> {
+    let all: usize = images.iter().map(|values| values.len() / dim).sum();
     let step = (all / count).max(1);
-    let mut rows: Vec<_> = pictures
+    let mut rows: Vec<_> = images
         .iter()
         .map(|values| values.chunks_exact(dim).step_by(step))
         .collect();

@@ -43,10 +43,10 @@ impl NearestMatcher {
     }
 
     /// Matches pairs of images that all have descriptors of `T`; an empty image has none.
-    fn of_values<'a, T: Value + 'a>(&self, pictures: Vec<&'a [T]>, dim: usize) -> PairMatches<'a> {
-        let (cells, rule) = (Cells::of_set(&pictures, dim), self.rule);
+    fn of_values<'a, T: Value + 'a>(&self, images: Vec<&'a [T]>, dim: usize) -> PairMatches<'a> {
+        let (cells, rule) = (Cells::of_set(&images, dim), self.rule);
         Box::new(move |first, second| {
-            let values = [pictures[first], pictures[second]];
+            let values = [images[first], images[second]];
             let cells = [&cells[first], &cells[second]];
             let [forth, back] = Arch::new().dispatch(Comparison {
                 cells,
@@ -82,9 +82,9 @@ impl FeatureMatcher for NearestMatcher {
         self.of_set(&[first, second])?(0, 1)
     }
 
-    fn of_set<'a>(&'a self, pictures: &'a [&'a Features]) -> Result<PairMatches<'a>, FeatureError> {
+    fn of_set<'a>(&'a self, images: &'a [&'a Features]) -> Result<PairMatches<'a>, FeatureError> {
         let kinds = || {
-            pictures
+            images
                 .iter()
                 .map(|one| &one.descriptors)
                 .filter(|one| !one.is_empty())
@@ -103,7 +103,7 @@ impl FeatureMatcher for NearestMatcher {
                 noun(other)
             )));
         }
-        let all = pictures.iter().map(|one| &one.descriptors);
+        let all = images.iter().map(|one| &one.descriptors);
         Ok(if is_bytes(known) {
             self.of_values(
                 all.map(|one| one.as_bytes().unwrap_or_default()).collect(),

@@ -26,7 +26,7 @@ fn unit(raw: &[f32]) -> Vec<f32> {
 ///
 /// Some keypoints of the second are nearly those of the first, in another order; the others are its
 /// own.
-fn two_pictures(counts: [usize; 2], dim: usize, seed: u64) -> [Vec<Vec<f32>>; 2] {
+fn two_images(counts: [usize; 2], dim: usize, seed: u64) -> [Vec<Vec<f32>>; 2] {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let mut row = |spread: f32, around: &[f32]| -> Vec<f32> {
         unit(
@@ -105,7 +105,7 @@ fn expected(
 #[test]
 fn byte_matches_equal_exhaustive_search() {
     for (counts, seed) in [([300, 410], 1), ([95, 7], 2), ([1, 33], 3), ([257, 256], 4)] {
-        let both = two_pictures(counts, 128, seed).map(|rows| bytes(&rows));
+        let both = two_images(counts, 128, seed).map(|rows| bytes(&rows));
         let exact = both.each_ref().map(|descriptors| match descriptors {
             Descriptors::Bytes { dim, values } => values
                 .chunks(*dim)
@@ -140,7 +140,7 @@ fn byte_matches_equal_exhaustive_search() {
 #[test]
 fn float_matches_equal_exhaustive_search() {
     for dim in [7, 64, 256] {
-        let both = two_pictures([300, 220], dim, 9);
+        let both = two_images([300, 220], dim, 9);
         let exact = both.each_ref().map(|rows| {
             rows.iter()
                 .map(|row| row.iter().map(|&value| f64::from(value)).collect())
@@ -167,7 +167,7 @@ fn float_matches_equal_exhaustive_search() {
 
 #[test]
 fn nearly_all_matches_are_found_in_large_images() {
-    let both = two_pictures([3000, 2600], 128, 5);
+    let both = two_images([3000, 2600], 128, 5);
     let exact = both.each_ref().map(|rows| {
         let rounded = rows.iter().map(|row| {
             row.iter()
@@ -218,8 +218,8 @@ fn equal_descriptors_are_ambiguous_unless_the_ratio_is_one() {
 
 #[test]
 fn descriptors_of_different_kinds_are_refused() {
-    let rows = two_pictures([5, 5], 32, 1);
-    let longer = two_pictures([5, 5], 64, 1);
+    let rows = two_images([5, 5], 32, 1);
+    let longer = two_images([5, 5], 64, 1);
     let matcher = NearestMatcher::for_floats();
     let given = features(floats(&rows[0]));
     for other in [bytes(&rows[1]), floats(&longer[1])] {
@@ -237,7 +237,7 @@ fn descriptors_of_different_kinds_are_refused() {
 
 #[test]
 fn nan_descriptors_match_nothing() {
-    let [first, mut second] = two_pictures([40, 40], 32, 8);
+    let [first, mut second] = two_images([40, 40], 32, 8);
     second[3][5] = f32::NAN;
     let bad = second
         .iter()

@@ -72,8 +72,8 @@ impl Prepared {
 }
 
 fn shrink(grey: &[f32], from: (usize, usize), to: (usize, usize)) -> Option<Vec<f32>> {
-    let picture = ImageBuffer::<Luma<f32>, &[f32]>::from_raw(from.0 as u32, from.1 as u32, grey)?;
-    Some(resize(&picture, to.0 as u32, to.1 as u32, FilterType::Triangle).into_raw())
+    let image = ImageBuffer::<Luma<f32>, &[f32]>::from_raw(from.0 as u32, from.1 as u32, grey)?;
+    Some(resize(&image, to.0 as u32, to.1 as u32, FilterType::Triangle).into_raw())
 }
 
 fn padded(grey: &[f32], from: (usize, usize), to: (usize, usize)) -> Vec<f32> {
@@ -98,7 +98,7 @@ pub struct Found {
 }
 
 /// An image in which a network finds keypoints.
-pub struct Picture<'a> {
+pub struct NetworkImage<'a> {
     /// Columns, rows.
     pub size: (usize, usize),
     /// The image as the network sees it.
@@ -107,7 +107,7 @@ pub struct Picture<'a> {
     content: Content,
 }
 
-impl<'a> Picture<'a> {
+impl<'a> NetworkImage<'a> {
     /// Prepares a grey image with sides of at most `max_side` pixels that are multiples of `multiple`.
     ///
     /// Keypoints lie only where `allowed` is true, and not in black bars at the sides of the image.
@@ -223,12 +223,12 @@ const OVERLAPPING: usize = 10;
 
 /// Matches the first `most` keypoints of both images, if they overlap.
 ///
-/// If there are more than `first_look`, a first pass matches only so many; if too few match, these
+/// If there are more than `first_keypoints`, a first pass matches only so many; if too few match, these
 /// are returned. A network's time grows with the square of the number of keypoints, and most pairs
 /// of a set do not overlap.
-pub fn look_twice(
+pub fn match_twice(
     both: [&Features; 2],
-    (first_look, most): (usize, usize),
+    (first_keypoints, most): (usize, usize),
     matched: impl Fn(usize) -> Result<Vec<(u32, u32)>, FeatureError>,
 ) -> Result<Vec<(u32, u32)>, FeatureError> {
     let fewer = both
@@ -236,8 +236,8 @@ pub fn look_twice(
         .map(|features| features.keypoints.len().min(most))
         .min()
         .unwrap_or(0);
-    if fewer > first_look {
-        let glanced = matched(first_look)?;
+    if fewer > first_keypoints {
+        let glanced = matched(first_keypoints)?;
         if glanced.len() < OVERLAPPING {
             return Ok(glanced);
         }

@@ -1,6 +1,6 @@
 use std::path::Path;
 
-use super::keypoints::{load_only, look_twice};
+use super::keypoints::{load_only, match_twice};
 use super::xfeat::DIM;
 use crate::sfm::{Descriptors, FeatureError, FeatureMatcher, Features};
 use ostra_compute::nn::{Network, NnError, Tensor};
@@ -13,7 +13,7 @@ pub struct LighterGlueOptions {
     pub most: usize,
     /// Number of keypoints in a first pass, if there are more. If hardly any of these match, the
     /// images do not overlap and are not matched further.
-    pub first_look: usize,
+    pub first_keypoints: usize,
     /// Minimum score of a match, 0–1.
     pub least_score: f32,
 }
@@ -22,7 +22,7 @@ impl Default for LighterGlueOptions {
     fn default() -> Self {
         Self {
             most: 1024,
-            first_look: 512,
+            first_keypoints: 512,
             least_score: 0.1,
         }
     }
@@ -67,13 +67,13 @@ impl LighterGlue {
             ));
         };
         let pairs = pairs.as_integers().chunks_exact(2).zip(scores.as_floats());
-        let sure = pairs.filter(|&(_, &score)| score > self.options.least_score);
+        let confidence = pairs.filter(|&(_, &score)| score > self.options.least_score);
         let within = |index: i64, count: usize| {
             u32::try_from(index)
                 .ok()
                 .filter(|&index| (index as usize) < count)
         };
-        let known = sure.filter_map(|(pair, _)| {
+        let known = confidence.filter_map(|(pair, _)| {
             Some((within(pair[0], counts[0])?, within(pair[1], counts[1])?))
         });
         let mut matches: Vec<(u32, u32)> = known.collect();
@@ -122,9 +122,11 @@ impl FeatureMatcher for LighterGlue {
         second: &Features,
     ) -> Result<Vec<(u32, u32)>, FeatureError> {
         let LighterGlueOptions {
-            most, first_look, ..
+            most,
+            first_keypoints,
+            ..
         } = self.options;
-        look_twice([first, second], (first_look, most), |most| {
+        match_twice([first, second], (first_keypoints, most), |most| {
             self.matched([first, second], most)
         })
     }

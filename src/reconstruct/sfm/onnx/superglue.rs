@@ -4,7 +4,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::keypoints::{load_only, look_twice};
+use super::keypoints::{load_only, match_twice};
 use crate::sfm::{Descriptors, FeatureError, FeatureMatcher, Features};
 use ostra_compute::nn::{Network, NnError, Tensor};
 
@@ -16,7 +16,7 @@ pub struct SuperGlueOptions {
     pub most: usize,
     /// Number of keypoints in a first pass, if there are more. If hardly any of these match, the
     /// images do not overlap and are not matched further.
-    pub first_look: usize,
+    pub first_keypoints: usize,
     /// Minimum share of a keypoint that is assigned to its partner, 0–1.
     pub least_share: f64,
 }
@@ -26,7 +26,7 @@ impl Default for SuperGlueOptions {
     fn default() -> Self {
         Self {
             most: 1024,
-            first_look: 512,
+            first_keypoints: 512,
             least_share: 0.2,
         }
     }
@@ -69,17 +69,17 @@ impl SuperGlue {
         most: usize,
     ) -> Result<Option<(Tensor, f32)>, FeatureError> {
         let [first, second] = both.map(|features| fed(features, most));
-        let ([at0, sure0, look0], [at1, sure1, look1]) = (first?, second?);
-        let (rows, columns) = (sure0.shape()[1], sure1.shape()[1]);
+        let ([at0, confidence0, look0], [at1, confidence1, look1]) = (first?, second?);
+        let (rows, columns) = (confidence0.shape()[1], confidence1.shape()[1]);
         if rows == 0 || columns == 0 {
             return Ok(None);
         }
         let given = [
             ("keypoints0", &at0),
-            ("scores0", &sure0),
+            ("scores0", &confidence0),
             ("descriptors0", &look0),
             ("keypoints1", &at1),
-            ("scores1", &sure1),
+            ("scores1", &confidence1),
             ("descriptors1", &look1),
         ];
         let answer = self.network.run(&given).map_err(|error| failed(&error))?;
@@ -137,10 +137,10 @@ impl FeatureMatcher for SuperGlue {
     ) -> Result<Vec<(u32, u32)>, FeatureError> {
         let SuperGlueOptions {
             most,
-            first_look,
+            first_keypoints,
             least_share,
         } = self.options;
-        look_twice([first, second], (first_look, most), |most| {
+        match_twice([first, second], (first_keypoints, most), |most| {
             let Some((agreement, alone)) = self.agreement([first, second], most)? else {
                 return Ok(Vec::new());
             };
@@ -255,11 +255,12 @@ impl Transport {
                 }
             }
         }
-        let sure = best_of_row
+        let confidence = best_of_row
             .iter()
             .enumerate()
             .filter(|&(row, &(share, column))| share > least && best_of_column[column].1 == row);
-        sure.map(|(row, &(_, column))| (row as u32, column as u32))
+        confidence
+            .map(|(row, &(_, column))| (row as u32, column as u32))
             .collect()
     }
 }

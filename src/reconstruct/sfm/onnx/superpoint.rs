@@ -3,7 +3,7 @@ use std::path::Path;
 use glam::DVec2;
 
 use super::heat::{CELL, Heat, Sampled, normalise};
-use super::keypoints::{Found, Picture, load_only};
+use super::keypoints::{Found, NetworkImage, load_only};
 use crate::sfm::{FeatureError, FeatureExtractor, Features};
 use ostra_compute::nn::{Network, NnError};
 
@@ -109,23 +109,23 @@ impl FeatureExtractor for SuperPoint {
         height: usize,
         allowed: Option<&[bool]>,
     ) -> Result<Features, FeatureError> {
-        let picture = Picture::new(
+        let image = NetworkImage::new(
             grey,
             (width, height),
             allowed,
             (self.options.max_side, CELL),
         );
-        let (shown, planes) = (&picture.shown, [CELL * CELL + 1, self.dim]);
+        let (shown, planes) = (&image.shown, [CELL * CELL + 1, self.dim]);
         let (columns, rows) = (shown.width / CELL, shown.height / CELL);
-        let [logits, described] = picture
+        let [logits, described] = image
             .run(&self.network, "image", planes, CELL)
             .map_err(|error| FeatureError::Network(error.to_string()))?;
         let heat = Heat::from_logits(logits.as_floats(), columns, rows);
         let found = self.found(&heat, (shown.shown_width, shown.shown_height));
-        let found = picture.strongest(found.into_iter(), self.options.most, AROUND);
+        let found = image.strongest(found.into_iter(), self.options.most, AROUND);
         let described = Sampled::new(described.as_floats(), self.dim, columns, rows).normalised();
         let cells = DVec2::new(columns as f64, rows as f64);
-        Ok(picture.features(&found, self.dim, |at, row| {
+        Ok(image.features(&found, self.dim, |at, row| {
             described.read_cells(cell_at(at, cells), row);
             normalise(row);
         }))

@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use super::heat::{CELL, Heat, Sampled, normalise};
-use super::keypoints::{Found, Picture, load_only};
+use super::keypoints::{Found, NetworkImage, load_only};
 use crate::sfm::{FeatureError, FeatureExtractor, Features};
 use ostra_compute::nn::{Network, NnError};
 
@@ -69,15 +69,15 @@ impl FeatureExtractor for XFeat {
         height: usize,
         allowed: Option<&[bool]>,
     ) -> Result<Features, FeatureError> {
-        let picture = Picture::new(
+        let image = NetworkImage::new(
             grey,
             (width, height),
             allowed,
             (self.options.max_side, MULTIPLE),
         );
-        let (shown, planes) = (&picture.shown, [DIM, CELL * CELL + 1, 1]);
+        let (shown, planes) = (&image.shown, [DIM, CELL * CELL + 1, 1]);
         let (columns, rows) = (shown.width / CELL, shown.height / CELL);
-        let [described, logits, reliability] = picture
+        let [described, logits, reliability] = image
             .run(&self.network, "input", planes, CELL)
             .map_err(|error| FeatureError::Network(error.to_string()))?;
         let heat = Heat::from_logits(logits.as_floats(), columns, rows);
@@ -89,16 +89,16 @@ impl FeatureExtractor for XFeat {
         );
         let found = peaks.into_iter().map(|(x, y)| {
             let at = heat.refined(x, y);
-            let mut sure = [0.0];
-            reliability.read(at, &mut sure);
+            let mut confidence = [0.0];
+            reliability.read(at, &mut confidence);
             Found {
                 at,
-                score: heat.at(x, y) * sure[0],
+                score: heat.at(x, y) * confidence[0],
             }
         });
-        let found = picture.strongest(found, self.options.most, AROUND);
+        let found = image.strongest(found, self.options.most, AROUND);
         let described = Sampled::new(described.as_floats(), DIM, columns, rows).normalised();
-        Ok(picture.features(&found, DIM, |at, row| {
+        Ok(image.features(&found, DIM, |at, row| {
             described.read(at, row);
             normalise(row);
         }))

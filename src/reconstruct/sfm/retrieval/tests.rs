@@ -9,7 +9,7 @@ use crate::sfm::{Descriptors, Features};
 /// Returns images of a synthetic world of several places.
 ///
 /// Each place has descriptors around prototypes of its own, more than a vocabulary has centres.
-fn pictures(bytes: bool) -> Vec<Features> {
+fn images(bytes: bool) -> Vec<Features> {
     let mut random = Pcg64Mcg::seed_from_u64(4);
     let mut row = |spread: f32, around: &[f32]| -> Vec<f32> {
         let raw: Vec<f32> = around
@@ -56,7 +56,7 @@ fn pooled(set: &[Features]) -> Vec<Vec<f32>> {
 #[test]
 fn images_of_one_place_are_most_similar() {
     for bytes in [false, true] {
-        let pooled = pooled(&pictures(bytes));
+        let pooled = pooled(&images(bytes));
         let pairs = most_alike(&pooled, 1, &BTreeSet::new());
         for same in [(0, 6), (1, 5), (2, 4)] {
             assert!(pairs.contains(&same), "{pairs:?}");
@@ -90,7 +90,7 @@ fn ties_go_to_the_lower_index() {
 
 #[test]
 fn seed_determines_the_vocabulary() {
-    let set = pictures(false);
+    let set = images(false);
     let set: Vec<&Features> = set.iter().collect();
     assert_eq!(Vocabulary::learn(&set, 1), Vocabulary::learn(&set, 1));
     assert_ne!(Vocabulary::learn(&set, 1), Vocabulary::learn(&set, 2));
@@ -98,7 +98,7 @@ fn seed_determines_the_vocabulary() {
 
 #[test]
 fn images_without_comparable_descriptors_are_similar_to_none() {
-    let mut set = pictures(false);
+    let mut set = images(false);
     set[0].descriptors = Descriptors::Bytes {
         dim: 1,
         values: Vec::new(),

@@ -34,12 +34,12 @@ type Cells = [[[f32; DIRECTIONS]; CELLS]; CELLS];
 ///
 /// D. Lowe, "Distinctive Image Features from Scale-Invariant Keypoints", IJCV 2004, section 6.
 #[derive(Debug, Clone)]
-pub(super) struct Describer {
+pub(super) struct DescriptorWindow {
     /// Weight of each sample along a side for each cell, including the Gaussian window.
     weights: [[f32; CELLS]; SAMPLES],
 }
 
-impl Describer {
+impl DescriptorWindow {
     pub fn new() -> Self {
         let weight = |sample: usize, cell: usize| {
             let at = (sample as f32 + 0.5) / PER_CELL as f32 - HALF;

@@ -30,7 +30,7 @@ pub fn extract_sift(
     if !fits || width.min(height) < SMALLEST_SIDE || !(1..=8).contains(&options.scales) {
         return SiftFeatures::default();
     }
-    let (picture, pixel_size) = shrunk(grey, width, height, options.max_side as usize);
+    let (image, pixel_size) = shrunk(grey, width, height, options.max_side as usize);
     let content = Content::of(grey, width, height);
     let allowed = |keypoint: &SiftKeypoint| {
         let [x, y] = [keypoint.at_px.x as usize, keypoint.at_px.y as usize];
@@ -45,7 +45,7 @@ pub fn extract_sift(
         };
         octave.find(&keypoint, &mut strongest);
     };
-    let coarser = bases(&picture, options)
+    let coarser = bases(&image, options)
         .into_iter()
         .enumerate()
         .skip(options.first_octave.max(0) as usize);
@@ -53,7 +53,7 @@ pub fn extract_sift(
         find(Octave::of(base, options), octave as i32);
     }
     if options.first_octave < 0 {
-        find(Octave::doubled(&picture, options), -1);
+        find(Octave::doubled(&image, options), -1);
     }
     strongest.into_features()
 }

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::blur::{DOUBLING_VARIANCE, Kernel, blur, double, halve};
-use super::descriptor::Describer;
+use super::descriptor::DescriptorWindow;
 use super::extrema::find_extrema;
 use super::keypoint::{Feature, SiftKeypoint, SiftOptions, Strongest};
 use super::orientation::orientations;
@@ -33,19 +33,19 @@ fn doubling_kernels() -> [Kernel; 2] {
 }
 
 /// Returns the blur that makes the first level of octave 0 from the image.
-fn picture_kernel() -> Kernel {
+fn image_kernel() -> Kernel {
     Kernel::gaussian(FIRST_SIGMA)
 }
 
 /// Returns the first levels of the requested octaves 0, 1, …, as far as the image is large enough.
-pub(super) fn bases(picture: &Rows, options: &SiftOptions) -> Vec<Rows> {
+pub(super) fn bases(image: &Rows, options: &SiftOptions) -> Vec<Rows> {
     let last = options.first_octave.max(-1) + options.octaves.max(1) as i32 - 1;
     let mut bases = Vec::new();
     if last < 0 {
         return bases;
     }
-    let mut base = Rows::new(picture.width, picture.height, picture.height);
-    super::blur::blur(picture, &picture_kernel(), &mut base, 0, picture.height);
+    let mut base = Rows::new(image.width, image.height, image.height);
+    super::blur::blur(image, &image_kernel(), &mut base, 0, image.height);
     let kernel = Kernel::gaussian(FIRST_SIGMA * 3_f32.sqrt());
     for _ in 0..last {
         if base.width.min(base.height) < 2 * SMALLEST_SIDE {
@@ -74,7 +74,7 @@ pub(super) struct Octave<'a> {
     levels: Vec<Rows>,
     kernels: Vec<Kernel>,
     doubled: Option<(&'a Rows, [Kernel; 2])>,
-    describer: Describer,
+    describer: DescriptorWindow,
     options: &'a SiftOptions,
 }
 
@@ -85,10 +85,10 @@ impl<'a> Octave<'a> {
     }
 
     /// Creates the octave of the doubled image.
-    pub fn doubled(picture: &'a Rows, options: &'a SiftOptions) -> Self {
+    pub fn doubled(image: &'a Rows, options: &'a SiftOptions) -> Self {
         let held = (options.scales + 5) * BLOCK;
-        let base = Rows::new(2 * picture.width, 2 * picture.height, held);
-        Self::new(base, Some((picture, doubling_kernels())), options)
+        let base = Rows::new(2 * image.width, 2 * image.height, held);
+        Self::new(base, Some((image, doubling_kernels())), options)
     }
 
     fn new(base: Rows, doubled: Option<(&'a Rows, [Kernel; 2])>, options: &'a SiftOptions) -> Self {
@@ -103,7 +103,7 @@ impl<'a> Octave<'a> {
             levels,
             kernels,
             doubled,
-            describer: Describer::new(),
+            describer: DescriptorWindow::new(),
             options,
         }
     }
@@ -130,11 +130,11 @@ impl<'a> Octave<'a> {
     fn advance(&mut self, step: usize, blocks: usize) {
         let height = self.levels[0].height;
         let span = |block: usize| (block * BLOCK, ((block + 1) * BLOCK).min(height));
-        if let Some((picture, kernels)) = &self.doubled
+        if let Some((image, kernels)) = &self.doubled
             && step < blocks
         {
             let (first, last) = span(step);
-            double(picture, kernels, &mut self.levels[0], first, last);
+            double(image, kernels, &mut self.levels[0], first, last);
         }
         for level in 1..self.levels.len() {
             let Some(block) = step.checked_sub(level).filter(|&block| block < blocks) else {

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use super::consistency::{Agreement, Match, Neighbour, Surface};
 use super::snap::SnapOptions;
 use crate::stereo::DepthEstimate;
-use crate::stereo::patchmatch::{Picture, Texture};
+use crate::stereo::patchmatch::{PosedImage, Texture};
 use ostra_core::statistics::upper_median;
 
 /// When a view takes over depth that other views see.
@@ -67,7 +67,7 @@ impl Default for FilterOptions {
 }
 
 /// Minimum number of neighbours that must see what a view takes over.
-const WITNESSES: usize = 2;
+const MIN_SUPPORT: usize = 2;
 
 /// Completes a view's filtered depth by surfaces that several neighbours see.
 ///
@@ -84,7 +84,7 @@ const WITNESSES: usize = 2;
 #[must_use]
 pub fn completed(
     own: &DepthEstimate,
-    picture: &Picture,
+    image: &PosedImage,
     allowed: Option<&[bool]>,
     neighbours: &[Neighbour],
     options: &FilterOptions,
@@ -92,7 +92,7 @@ pub fn completed(
     let size = (own.width(), own.height());
     let view = View {
         own,
-        picture: &picture.levels[0],
+        image: &image.levels[0],
         neighbours,
         options,
     };
@@ -127,7 +127,7 @@ pub fn completed(
 
 struct View<'a> {
     own: &'a DepthEstimate,
-    picture: &'a Texture,
+    image: &'a Texture,
     neighbours: &'a [Neighbour],
     options: &'a FilterOptions,
 }
@@ -163,7 +163,7 @@ impl View<'_> {
     /// differ by less than `most`.
     fn confirmed(&self, at: usize, surface: Surface, most: f32) -> Option<Surface> {
         let matches = self.matches(at, surface);
-        if matches.len() < self.options.min_agreeing.max(WITNESSES)
+        if matches.len() < self.options.min_agreeing.max(MIN_SUPPORT)
             || self.difference(at, &matches) >= most
         {
             return None;
@@ -196,7 +196,7 @@ impl View<'_> {
     /// Returns the median difference of colour between a pixel and its matches, in squared grey levels.
     fn difference(&self, at: usize, matches: &[(&Neighbour, Match)]) -> f32 {
         let of = |(neighbour, found): &(&Neighbour, Match)| {
-            neighbour.color_difference(found.pixel, self.picture, at)
+            neighbour.color_difference(found.pixel, self.image, at)
         };
         let mut differences: Vec<f32> = matches.iter().map(of).collect();
         // The worse of two.

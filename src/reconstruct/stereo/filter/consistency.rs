@@ -4,7 +4,7 @@ use glam::{Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::stereo::DepthEstimate;
-use crate::stereo::patchmatch::{Picture, Plane, Raster, Texture, Transfer};
+use crate::stereo::patchmatch::{Plane, PosedImage, Raster, Texture, Transfer};
 
 /// When the depths of two views show the same surface.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -57,7 +57,7 @@ pub struct Match {
 impl Neighbour {
     /// Prepares a neighbour of `view`.
     #[must_use]
-    pub fn new(view: &Picture, other: &Picture, estimate: Arc<DepthEstimate>) -> Self {
+    pub fn new(view: &PosedImage, other: &PosedImage, estimate: Arc<DepthEstimate>) -> Self {
         let here_from_there = view
             .camera_from_world
             .compose(&other.camera_from_world.inverse());
@@ -90,14 +90,14 @@ impl Neighbour {
         }
         let (u, v) = (u / z, v / z);
         let (column, row) = ((u + 0.5).floor(), (v + 0.5).floor());
-        let (beside, below) = (2.0 * u.floor() + 1.0 - column, 2.0 * v.floor() + 1.0 - row);
+        let (adjacent, below) = (2.0 * u.floor() + 1.0 - column, 2.0 * v.floor() + 1.0 - row);
         let around = [
             (column, row),
-            (beside, row),
+            (adjacent, row),
             (column, below),
-            (beside, below),
+            (adjacent, below),
         ];
-        let point = Seen {
+        let point = NeighbourView {
             at: (x, y),
             there: (u, v),
             inverse_depth,
@@ -177,7 +177,7 @@ impl Neighbour {
     /// Returns the neighbour's pixel in a column and row, if it agrees.
     fn agreeing(
         &self,
-        point: &Seen,
+        point: &NeighbourView,
         (column, row): (f32, f32),
         agreement: &Agreement,
     ) -> Option<Match> {
@@ -222,7 +222,7 @@ pub struct Surface {
 }
 
 /// A pixel's point, and where a neighbour sees it.
-struct Seen {
+struct NeighbourView {
     at: (f32, f32),
     there: (f32, f32),
     inverse_depth: f32,

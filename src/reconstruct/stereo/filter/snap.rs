@@ -39,14 +39,10 @@ const REACH: usize = 3;
 /// is more exact (after Z. Ma et al., *Constant Time Weighted Median Filtering for Stereo Matching
 /// and Beyond*, ICCV 2013). The result must then be confirmed by other views.
 #[must_use]
-pub fn snapped(
-    estimate: &DepthEstimate,
-    picture: &Texture,
-    options: &SnapOptions,
-) -> DepthEstimate {
+pub fn snapped(estimate: &DepthEstimate, image: &Texture, options: &SnapOptions) -> DepthEstimate {
     let chosen: Vec<Option<usize>> = (0..estimate.depths.len())
         .into_par_iter()
-        .map(|at| better(estimate, picture, at, options))
+        .map(|at| better(estimate, image, at, options))
         .collect();
     let mut snapped = estimate.clone();
     for (at, from) in chosen.into_iter().enumerate() {
@@ -80,7 +76,7 @@ impl Fit {
 /// Returns the pixel whose depth a pixel takes; `None` if its own fits well enough.
 fn better(
     estimate: &DepthEstimate,
-    picture: &Texture,
+    image: &Texture,
     at: usize,
     options: &SnapOptions,
 ) -> Option<usize> {
@@ -99,8 +95,7 @@ fn better(
         return None;
     }
     let alike = |to: usize| {
-        (-0.5 * picture.color_difference(at, picture, to)
-            / (options.color_sigma * options.color_sigma))
+        (-0.5 * image.color_difference(at, image, to) / (options.color_sigma * options.color_sigma))
             .exp()
     };
     let elsewhere = others().filter(|&to| !same(estimate.depths[to], own));

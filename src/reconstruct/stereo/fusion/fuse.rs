@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::cloud::{Contributor, DenseCloud, FusedView};
 use crate::stereo::filter::{Agreement, Match, Neighbour};
-use crate::stereo::patchmatch::{Picture, Raster, Tones};
+use crate::stereo::patchmatch::{PosedImage, Raster, Tones};
 use crate::stereo::raster::{raster_camera, raster_image};
 use crate::stereo::{DepthEstimate, DepthStore, Stage, StereoError};
 use ostra_cloud::SceneError;
@@ -77,7 +77,7 @@ pub fn fuse_depths(
         let Some(estimate) = estimate else { continue };
         let (Some((camera, pose)), Some(own)) = (
             frames[number].posed_camera(),
-            picture(&frames[number], max_side),
+            image(&frames[number], max_side),
         ) else {
             continue;
         };
@@ -97,8 +97,8 @@ pub fn fuse_depths(
             let Some(estimate) = readable(depths.load(other, Stage::Complete))?.flatten() else {
                 continue;
             };
-            if let Some(picture) = picture(&frames[other], max_side) {
-                others.push((at, Neighbour::new(&own, &picture, estimate)));
+            if let Some(image) = image(&frames[other], max_side) {
+                others.push((at, Neighbour::new(&own, &image, estimate)));
             }
         }
         let view = View {
@@ -132,9 +132,9 @@ pub fn fuse_depths(
 }
 
 /// Returns an image's geometry without its pixels.
-fn picture(frame: &Frame, max_side: u32) -> Option<Picture> {
+fn image(frame: &Frame, max_side: u32) -> Option<PosedImage> {
     let (camera, pose) = frame.posed_camera()?;
-    Some(Picture::new(
+    Some(PosedImage::new(
         Tones::default(),
         raster_camera(camera, max_side),
         *pose,

@@ -2,7 +2,7 @@ use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::stereo::patchmatch::{Level, MAX_SOURCES, Source, Transfer, Turn, constants};
+use crate::stereo::patchmatch::{Level, MAX_SOURCES, Source, SweepState, Transfer, constants};
 
 /// Taps of the window, four to a vector.
 const QUARTERS: usize = constants::TAPS / 4;
@@ -81,7 +81,7 @@ pub struct LevelData {
     padding: [u32; 3],
 }
 
-/// `Turn` of `data.wgsl`.
+/// `SweepState` of `data.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct TurnData {
@@ -89,7 +89,7 @@ pub struct TurnData {
     pub first_row: u32,
     pub end_row: u32,
     pub visit: u32,
-    pub draws: u32,
+    pub random_samples: u32,
     pub good: f32,
     pub depth: f32,
     pub slope: f32,
@@ -139,7 +139,7 @@ impl LevelData {
             per_focal: raster.focal.map(|focal| 1.0 / focal),
             principal: raster.principal,
             range: level.range,
-            size: [level.picture.width as u32, level.picture.height as u32],
+            size: [level.image.width as u32, level.image.height as u32],
             source_count: level.sources.len() as u32,
             best_views: options.best_views as u32,
             min_facing: options.min_facing,
@@ -183,11 +183,11 @@ impl TurnData {
     }
 
     /// Describes some rows of one colour in an iteration.
-    pub fn new(level: &Level<'_>, turn: Turn, color: u32, rows: Range<u32>) -> Self {
+    pub fn new(level: &Level<'_>, turn: SweepState, color: u32, rows: Range<u32>) -> Self {
         let changes = turn.changes(level);
         Self {
             visit: 2 * turn.visit + color,
-            draws: turn.draws,
+            random_samples: turn.random_samples,
             good: turn.good(),
             depth: changes.depth,
             slope: changes.slope,

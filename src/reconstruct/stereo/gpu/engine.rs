@@ -4,12 +4,12 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::data::{SizesData, TurnData};
+use super::field_buffers::{DeviceField, packed, unpacked};
 use super::kernels::Kernels;
-use super::room::{CardField, packed, unpacked};
 use crate::stereo::StereoError;
 use crate::stereo::patchmatch::{
-    Field, Found, Level, Passes, PatchMatchOptions, Processor, Round, Search, Turn, search,
-    search_consistent,
+    Field, Level, Passes, PatchMatchOptions, PlaneMap, Processor, Round, Search, SweepState,
+    search, search_consistent,
 };
 use ostra_compute::gpu::{Device, GpuError, Kernel, Pieces};
 use ostra_core::job::Progress;
@@ -37,25 +37,29 @@ impl<'a> CardPasses<'a> {
 }
 
 impl Passes for CardPasses<'_> {
-    type Field = CardField;
+    type Field = DeviceField;
     type Error = StereoError;
 
-    fn begin(&mut self, level: &Level<'_>, hypotheses: Field) -> Result<CardField, StereoError> {
-        let field = CardField::new(self.kernels, level)?;
+    fn begin(&mut self, level: &Level<'_>, hypotheses: Field) -> Result<DeviceField, StereoError> {
+        let field = DeviceField::new(self.kernels, level)?;
         self.kernels
             .device
             .write(&field.values, 0, &packed(&hypotheses))?;
         Ok(field)
     }
 
-    fn finer(&mut self, level: &Level<'_>, coarser: &CardField) -> Result<CardField, StereoError> {
+    fn finer(
+        &mut self,
+        level: &Level<'_>,
+        coarser: &DeviceField,
+    ) -> Result<DeviceField, StereoError> {
         let Kernels {
             device,
             enlargement,
             enlarge,
             ..
         } = self.kernels;
-        let field = CardField::new(self.kernels, level)?;
+        let field = DeviceField::new(self.kernels, level)?;
         let sizes = device.uniform("sizes", &SizesData::new(field.size, coarser.size))?;
         let bindings = device.bind(enlargement, &[&sizes, &coarser.values, &field.values])?;
         let submission = device.submit(
@@ -70,7 +74,7 @@ impl Passes for CardPasses<'_> {
     fn score(
         &mut self,
         _: &Level<'_>,
-        field: &mut CardField,
+        field: &mut DeviceField,
         progress: &Progress,
     ) -> Result<(), StereoError> {
         for color in 0..2 {
@@ -90,8 +94,8 @@ impl Passes for CardPasses<'_> {
     fn sweep(
         &mut self,
         level: &Level<'_>,
-        field: &mut CardField,
-        turn: Turn,
+        field: &mut DeviceField,
+        turn: SweepState,
         progress: &Progress,
     ) -> Result<(), StereoError> {
         for color in 0..2 {
@@ -108,11 +112,11 @@ impl Passes for CardPasses<'_> {
         Ok(())
     }
 
-    fn finish(&mut self, field: CardField) -> Result<Field, StereoError> {
+    fn finish(&mut self, field: DeviceField) -> Result<Field, StereoError> {
         self.copied(&field)
     }
 
-    fn copied(&mut self, field: &CardField) -> Result<Field, StereoError> {
+    fn copied(&mut self, field: &DeviceField) -> Result<Field, StereoError> {
         let [width, height] = field.size.map(|side| side as usize);
         let values = self
             .kernels
@@ -127,7 +131,7 @@ fn run(
     Kernels { device, .. }: &Kernels,
     kernel: &Kernel,
     pieces: &mut Pieces,
-    field: &CardField,
+    field: &DeviceField,
     turn: impl Fn(Range<u32>) -> TurnData,
     progress: &Progress,
 ) -> Result<(), StereoError> {
@@ -203,7 +207,7 @@ impl Engine {
         task: &Search<'_>,
         options: &PatchMatchOptions,
         progress: &Progress,
-    ) -> Result<Found, StereoError> {
+    ) -> Result<PlaneMap, StereoError> {
         match self {
             Self::Cpu => Ok(search(&mut Processor::default(), task, options, progress)?),
             Self::Gpu(kernels) => search(&mut CardPasses::new(kernels), task, options, progress),
@@ -220,7 +224,7 @@ impl Engine {
         round: &Round<'_>,
         options: &PatchMatchOptions,
         progress: &Progress,
-    ) -> Result<Found, StereoError> {
+    ) -> Result<PlaneMap, StereoError> {
         match self {
             Self::Cpu => Ok(search_consistent(
                 &mut Processor::default(),

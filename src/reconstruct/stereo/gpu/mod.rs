@@ -7,8 +7,8 @@
 
 mod data;
 mod engine;
+mod field_buffers;
 mod kernels;
-mod room;
 #[cfg(test)]
 mod tests;
 

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use pulp::Simd;
 
 use super::ncc;
-use super::picture::{Picture, Texture};
 use super::plane::{Color, Plane, Raster, Transfer, WORST};
-use super::search_input::{Found, PatchMatchOptions, Search};
+use super::posed_image::{PosedImage, Texture};
+use super::search_input::{PatchMatchOptions, PlaneMap, Search};
 use super::window::{Patch, Window};
 use ostra_core::statistics::upper_median;
 
@@ -22,12 +22,12 @@ pub struct Source {
     /// Its image.
     pub texture: Arc<Texture>,
     /// Planes that an earlier round found there, with the transfer back; `None` = not compared.
-    pub found: Option<(Arc<Found>, Transfer)>,
+    pub found: Option<(Arc<PlaneMap>, Transfer)>,
 }
 
 /// Prior knowledge of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Hint {
+pub struct PlanePrior {
     /// A hypothesis from elsewhere; inverse depth 0 = none.
     pub plane: Plane,
     /// Whether the surface here is known from the surroundings; missing texture is then no evidence against it.
@@ -41,7 +41,7 @@ const PULL_REACH_PX: f32 = 2.0;
 #[derive(Debug)]
 pub struct Level<'a> {
     /// The reference image.
-    pub picture: Arc<Texture>,
+    pub image: Arc<Texture>,
     /// The reference camera at this level.
     pub raster: Raster,
     /// At most [`MAX_SOURCES`].
@@ -53,7 +53,7 @@ pub struct Level<'a> {
     /// Pixels to process, row by row; `None` = all.
     pub allowed: Option<&'a [bool]>,
     /// Known data of each pixel, row by row; empty = nothing is known.
-    pub hints: Vec<Hint>,
+    pub hints: Vec<PlanePrior>,
     /// Cost of a flat patch that differs from its hint by [`Self::pull_reach`] or more; 0 if hints do not pull.
     pub pull: f32,
     /// Its options.
@@ -70,9 +70,9 @@ impl Level<'_> {
     pub fn patch(&self, x: usize, y: usize) -> Patch {
         let is_known = self
             .hints
-            .get(y * self.picture.width + x)
+            .get(y * self.image.width + x)
             .is_some_and(|hint| hint.is_known);
-        Patch::new(self.window, &self.picture, x, y).on(is_known)
+        Patch::new(self.window, &self.image, x, y).on(is_known)
     }
 
     /// Returns a pixel's hypothesis from elsewhere, if it has one.
@@ -82,7 +82,7 @@ impl Level<'_> {
     pub fn hint_for(&self, patch: &Patch, x: usize, y: usize) -> Option<Plane> {
         let counts = self.pull <= 0.0 || patch.flatness > 0.0;
         self.hints
-            .get(y * self.picture.width + x)
+            .get(y * self.image.width + x)
             .filter(|_| counts)
             .map(|hint| hint.plane)
     }
@@ -99,7 +99,7 @@ impl Level<'_> {
         if most <= 0.0 {
             return 0.0;
         }
-        let hint = self.hints[y as usize * self.picture.width + x as usize].plane;
+        let hint = self.hints[y as usize * self.image.width + x as usize].plane;
         let off = (plane.inverse_depth - hint.inverse_depth).abs() * (1.0 / self.pull_reach());
         (most * off).min(most)
     }
@@ -145,7 +145,7 @@ impl Level<'_> {
         &self,
         at: (Plane, f32, f32),
         source: &Source,
-        found: &(Arc<Found>, Transfer),
+        found: &(Arc<PlaneMap>, Transfer),
     ) -> f32 {
         let error = forward_backward(at, source, found).unwrap_or(f32::INFINITY);
         self.options.geometric_weight * error.min(self.options.max_geometric_px)
@@ -159,7 +159,7 @@ impl Level<'_> {
 fn forward_backward(
     (plane, x, y): (Plane, f32, f32),
     source: &Source,
-    (found, back): &(Arc<Found>, Transfer),
+    (found, back): &(Arc<PlaneMap>, Transfer),
 ) -> Option<f32> {
     let [u, v, z] = source.transfer.apply(x, y, plane.inverse_depth);
     let scale = 1.0 / z;
@@ -292,12 +292,12 @@ pub fn level<'a>(
         })
         .collect();
     let [near, far] = search.depth_range.map(|depth| (1.0 / depth) as f32);
-    let picture = Arc::clone(&reference.levels[number]);
-    let centre = (0.5 * picture.width as f32, 0.5 * picture.height as f32);
+    let image = Arc::clone(&reference.levels[number]);
+    let centre = (0.5 * image.width as f32, 0.5 * image.height as f32);
     let step = pixel_step(&sources, centre, 0.5 * (near + far));
     Level {
-        regions: Regions::new(picture.width, picture.height),
-        picture,
+        regions: Regions::new(image.width, image.height),
+        image,
         raster: reference.raster(number),
         sources,
         range: [far, near],
@@ -330,9 +330,9 @@ fn pixel_step(sources: &[Source], (x, y): (f32, f32), w: f32) -> f32 {
 }
 
 /// Returns the pixels of a level that contain a pixel of the finest level to process.
-pub fn coarse_mask(allowed: &[bool], picture: &Picture, number: usize) -> Vec<bool> {
-    let (width, height) = picture.size();
-    let level = &picture.levels[number];
+pub fn coarse_mask(allowed: &[bool], image: &PosedImage, number: usize) -> Vec<bool> {
+    let (width, height) = image.size();
+    let level = &image.levels[number];
     let mut coarse = vec![false; level.width * level.height];
     for (at, _) in allowed
         .iter()

@@ -11,8 +11,9 @@
 
 mod level;
 mod ncc;
-mod picture;
+mod pixel_update;
 mod plane;
+mod posed_image;
 mod random;
 mod search;
 mod search_input;
@@ -21,25 +22,24 @@ mod sweep;
 #[cfg(test)]
 mod tests;
 mod views;
-mod visit;
 mod window;
 
-pub(super) use level::{Hint, Level, MAX_SOURCES, Source};
-pub use picture::{Picture, Texture, Tones};
+pub(super) use level::{Level, MAX_SOURCES, PlanePrior, Source};
+pub(super) use pixel_update::SweepState;
 pub(super) use plane::{Color, Field};
 pub use plane::{Plane, Raster, Transfer};
+pub use posed_image::{PosedImage, Texture, Tones};
 pub(super) use search::{search, search_consistent};
-pub use search_input::{Found, PatchMatchOptions, Round, Search};
+pub use search_input::{PatchMatchOptions, PlaneMap, Round, Search};
 pub(super) use sweep::{Passes, Processor};
-pub(super) use visit::Turn;
 
 /// Constants that `stereo::gpu` shares, so that they are defined once.
 pub(super) mod constants {
     pub use super::ncc::{CHROMA_RANGE, FLAT_COST, SAME_CHROMA, UNLIKE_COST};
+    pub use super::pixel_update::FAR;
     pub use super::plane::WORST;
     pub use super::views::BAD;
     #[cfg(test)]
     pub use super::views::COMPARED;
-    pub use super::visit::FAR;
     pub use super::window::{COLOR_VARIANCE, COLOR_WEIGHT, FLAT_BELOW, FLAT_VARIANCE, NOISE, TAPS};
 }

@@ -1,7 +1,7 @@
 use pulp::Simd;
 
-use super::picture::{ROUNDING, Texture};
 use super::plane::{Plane, Transfer, WORST};
+use super::posed_image::{ROUNDING, Texture};
 use super::window::{FLAT_VARIANCE, NOISE, PADDED, Patch, TAPS, Window};
 
 /// The bits of the sum of this and a byte are this number's bits plus the byte.

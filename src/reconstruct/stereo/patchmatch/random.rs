@@ -27,7 +27,7 @@ impl Dice {
 
     /// Creates numbers for another purpose in the same visit.
     #[inline(always)]
-    pub fn beside(self) -> Self {
+    pub fn adjacent(self) -> Self {
         Self {
             key: hash(self.key),
             count: self.count,

@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::level::{Hint, coarse_mask, level};
+use super::level::{PlanePrior, coarse_mask, level};
+use super::pixel_update::SweepState;
 use super::plane::{Field, Plane, Raster, WORST};
-use super::search_input::{Found, PatchMatchOptions, Round, Search};
+use super::search_input::{PatchMatchOptions, PlaneMap, Round, Search};
 use super::start::{priors, random_field};
 use super::sweep::Passes;
-use super::visit::Turn;
 use super::window::Window;
 use ostra_core::job::Progress;
 
@@ -26,7 +26,7 @@ pub fn search<P: Passes>(
     search: &Search<'_>,
     options: &PatchMatchOptions,
     progress: &Progress,
-) -> Result<Found, P::Error> {
+) -> Result<PlaneMap, P::Error> {
     let window = Window::default();
     let mut visit = 0;
     let mut coarser: Option<P::Field> = None;
@@ -52,7 +52,7 @@ pub fn search<P: Passes>(
         passes.score(&level, &mut field, progress)?;
         for iteration in 0..iterations {
             let reach = first_reach * 0.5f32.powi(iteration as i32);
-            let draws = if coarser.is_none() {
+            let random_samples = if coarser.is_none() {
                 1
             } else {
                 options.restarts
@@ -60,11 +60,11 @@ pub fn search<P: Passes>(
             passes.sweep(
                 &level,
                 &mut field,
-                Turn {
+                SweepState {
                     visit,
                     iteration,
                     reach,
-                    draws,
+                    random_samples,
                 },
                 progress,
             )?;
@@ -89,7 +89,7 @@ pub fn search_consistent<P: Passes>(
     round: &Round<'_>,
     options: &PatchMatchOptions,
     progress: &Progress,
-) -> Result<Found, P::Error> {
+) -> Result<PlaneMap, P::Error> {
     let (
         window,
         &Round {
@@ -99,8 +99,8 @@ pub fn search_consistent<P: Passes>(
         },
     ) = (Window::default(), round);
     let mut level = level(search, 0, options, &window, search.allowed);
-    for ((source, picture), found) in level.sources.iter_mut().zip(search.sources).zip(others) {
-        let back = picture.transfer(search.reference, 0);
+    for ((source, image), found) in level.sources.iter_mut().zip(search.sources).zip(others) {
+        let back = image.transfer(search.reference, 0);
         source.found = found.as_ref().map(|found| (Arc::clone(found), back));
     }
     level.hints = hints(search, round, level.step);
@@ -113,18 +113,18 @@ pub fn search_consistent<P: Passes>(
     for iteration in 0..options.geometric_iterations {
         let visit = 64 * (before + 1) + iteration;
         let reach = 0.5f32.powi((before + iteration) as i32);
-        let turn = Turn {
+        let turn = SweepState {
             visit,
             iteration: iteration + 2,
             reach,
-            draws: 0,
+            random_samples: 0,
         };
         passes.sweep(&level, &mut field, turn, progress)?;
     }
     Ok(found(&passes.finish(field)?))
 }
 
-fn found(field: &Field) -> Found {
+fn found(field: &Field) -> PlaneMap {
     let (width, height) = (field.width, field.height);
     let all = (0..width * height).map(|at| field.at(at % width, at / width));
     let searched = all.map(|(plane, cost)| {
@@ -135,7 +135,7 @@ fn found(field: &Field) -> Found {
         }
     });
     let (planes, costs) = searched.unzip();
-    Found {
+    PlaneMap {
         width,
         height,
         planes,
@@ -146,17 +146,17 @@ fn found(field: &Field) -> Found {
 /// Planes of sources with a higher cost are not used as hints.
 const MAX_COST: f32 = 0.6;
 /// The surface of a flat patch with a lower cost is known.
-const SURE: f32 = 0.7;
+const CONFIDENT: f32 = 0.7;
 
 /// Returns what a round knows of each pixel beforehand, row by row.
 ///
 /// This is planes of other views, and the surface where the round before was confident of it.
 /// `step` is the change of inverse depth that makes another surface.
-pub fn hints(search: &Search<'_>, round: &Round<'_>, step: f32) -> Vec<Hint> {
+pub fn hints(search: &Search<'_>, round: &Round<'_>, step: f32) -> Vec<PlanePrior> {
     let planes = of_sources(search, round.start, round.others, step);
-    let hint = |(plane, &cost): (Plane, &f32)| Hint {
+    let hint = |(plane, &cost): (Plane, &f32)| PlanePrior {
         plane,
-        is_known: cost < SURE,
+        is_known: cost < CONFIDENT,
     };
     planes
         .into_iter()
@@ -171,8 +171,8 @@ pub fn hints(search: &Search<'_>, round: &Round<'_>, step: f32) -> Vec<Hint> {
 /// Bleyer, C. Rhemann, C. Rother, *PatchMatch Stereo*, BMVC 2011).
 fn of_sources(
     search: &Search<'_>,
-    start: &Found,
-    others: &[Option<Arc<Found>>],
+    start: &PlaneMap,
+    others: &[Option<Arc<PlaneMap>>],
     step: f32,
 ) -> Vec<Plane> {
     let mut planes = vec![Plane::default(); start.planes.len()];

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::picture::Picture;
 use super::plane::Plane;
+use super::posed_image::PosedImage;
 
 /// Options of PatchMatch.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -63,9 +63,9 @@ impl Default for PatchMatchOptions {
 #[derive(Debug, Clone)]
 pub struct Search<'a> {
     /// The view.
-    pub reference: &'a Picture,
+    pub reference: &'a PosedImage,
     /// Its sources, best first; only the first eight are used.
-    pub sources: &'a [Arc<Picture>],
+    pub sources: &'a [Arc<PosedImage>],
     /// Smallest and largest depth along the optical axis, in world units, above 0.
     pub depth_range: [f64; 2],
     /// Pixels (column, row, depth) whose depth is known from sparse points.
@@ -76,7 +76,7 @@ pub struct Search<'a> {
 
 /// The best plane of every pixel, row by row, and its cost, 0–2; no plane where nothing was searched.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Found {
+pub struct PlaneMap {
     /// Columns.
     pub width: usize,
     /// Rows.
@@ -91,9 +91,9 @@ pub struct Found {
 #[derive(Debug, Clone, Copy)]
 pub struct Round<'a> {
     /// Planes of the view.
-    pub start: &'a Found,
+    pub start: &'a PlaneMap,
     /// Planes of each source; `None` if unknown.
-    pub others: &'a [Option<Arc<Found>>],
+    pub others: &'a [Option<Arc<PlaneMap>>],
     /// Number of such rounds before this one.
     pub before: u32,
 }

@@ -4,12 +4,12 @@
 use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::level::{Hint, Level};
+use super::level::{Level, PlanePrior};
 use super::plane::{Field, Plane, WORST};
 use super::random::Dice;
 
 /// Planes with a lower cost count as surfaces; mere guesses cost more.
-const SURE: f32 = 0.45;
+const CONFIDENT: f32 = 0.45;
 /// Distance to the nearest pixel of the coarser level that shows a surrounding surface: windows
 /// reach this far beyond its border.
 const NEAREST: isize = 3;
@@ -31,7 +31,7 @@ const LEAST_LINES: usize = 2;
 /// beyond its border: the plane is only known between confident pixels. A pixel without texture
 /// that lies within no surface gets no depth. The result is empty if no pixel lies within a
 /// surface.
-pub fn priors(level: &Level<'_>, coarser: &Field) -> Vec<Hint> {
+pub fn priors(level: &Level<'_>, coarser: &Field) -> Vec<PlanePrior> {
     let tolerance = 2.0 * TOLERANCE_PX * level.step;
     let within =
         |at: usize| surface_around(coarser, (at % coarser.width, at / coarser.width), tolerance);
@@ -42,19 +42,19 @@ pub fn priors(level: &Level<'_>, coarser: &Field) -> Vec<Hint> {
     if coarse.iter().all(|plane| plane.inverse_depth <= 0.0) {
         return Vec::new();
     }
-    let (width, height) = (level.picture.width, level.picture.height);
+    let (width, height) = (level.image.width, level.image.height);
     let hint = |at: usize| {
         let pixel = (at % width, at / width);
         let (column, row) = coarse_pixel(pixel, (coarser.width, coarser.height));
         let plane = coarse[row * coarser.width + column];
         let is_known = plane.inverse_depth > 0.0;
         if is_known {
-            Hint {
+            PlanePrior {
                 plane: plane.enlarged(pixel, (column, row)),
                 is_known,
             }
         } else {
-            Hint::default()
+            PlanePrior::default()
         }
     };
     (0..width * height).map(hint).collect()
@@ -74,7 +74,7 @@ fn surface_around(field: &Field, pixel: (usize, usize), tolerance: f32) -> Plane
         if off[worst] <= tolerance {
             let (own, cost) = field.at(pixel.0, pixel.1);
             let is_own =
-                cost < SURE && (own.inverse_depth - plane.inverse_depth).abs() <= tolerance;
+                cost < CONFIDENT && (own.inverse_depth - plane.inverse_depth).abs() <= tolerance;
             return if is_own { own } else { plane };
         }
         lines.remove(worst);
@@ -84,12 +84,12 @@ fn surface_around(field: &Field, pixel: (usize, usize), tolerance: f32) -> Plane
 
 /// Confident pixels on a line through a pixel, some on either side.
 struct Line {
-    seen: [Seen; 2 * SEEN],
+    seen: [ConfidentPixel; 2 * SEEN],
 }
 
 /// A confident pixel: its position relative to the middle one, and its inverse depth.
 #[derive(Clone, Copy)]
-struct Seen {
+struct ConfidentPixel {
     at: Vec2,
     inverse_depth: f32,
 }
@@ -97,8 +97,8 @@ struct Seen {
 impl Line {
     fn new(field: &Field, pixel: (usize, usize), (dx, dy): (isize, isize)) -> Option<Self> {
         let (to, fro) = (
-            sure(field, pixel, (dx, dy))?,
-            sure(field, pixel, (-dx, -dy))?,
+            confidence(field, pixel, (dx, dy))?,
+            confidence(field, pixel, (-dx, -dy))?,
         );
         Some(Self {
             seen: std::array::from_fn(|k| if k < SEEN { to[k] } else { fro[k - SEEN] }),
@@ -107,7 +107,7 @@ impl Line {
 
     /// Returns the maximum distance of the pixels from a plane.
     fn off(&self, plane: Plane) -> f32 {
-        let off = |seen: &Seen| {
+        let off = |seen: &ConfidentPixel| {
             (plane.moved(seen.at.x, seen.at.y).inverse_depth - seen.inverse_depth).abs()
         };
         self.seen.iter().map(off).fold(0.0, f32::max)
@@ -115,8 +115,12 @@ impl Line {
 }
 
 /// Returns the nearest confident pixels in a direction.
-fn sure(field: &Field, (x, y): (usize, usize), (dx, dy): (isize, isize)) -> Option<[Seen; SEEN]> {
-    let mut seen = [Seen {
+fn confidence(
+    field: &Field,
+    (x, y): (usize, usize),
+    (dx, dy): (isize, isize),
+) -> Option<[ConfidentPixel; SEEN]> {
+    let mut seen = [ConfidentPixel {
         at: Vec2::ZERO,
         inverse_depth: 0.0,
     }; SEEN];
@@ -129,9 +133,9 @@ fn sure(field: &Field, (x, y): (usize, usize), (dx, dy): (isize, isize)) -> Opti
             .checked_add_signed(dy * steps)
             .filter(|&row| row < field.height)?;
         let (plane, cost) = field.at(column, row);
-        if cost < SURE {
+        if cost < CONFIDENT {
             let at = Vec2::new((dx * steps) as f32, (dy * steps) as f32);
-            seen[count] = Seen {
+            seen[count] = ConfidentPixel {
                 at,
                 inverse_depth: plane.inverse_depth,
             };
@@ -161,7 +165,7 @@ fn fitted(lines: &[Line]) -> Option<Plane> {
 
 /// Creates planes with random depths, uniform in inverse depth over the range, and those of the seeds.
 pub fn random_field(level: &Level<'_>, seeds: &[(usize, usize, f32)], number: usize) -> Field {
-    let (width, height) = (level.picture.width, level.picture.height);
+    let (width, height) = (level.image.width, level.image.height);
     let [low, high] = level.range;
     let mut field = Field::new(width, height);
     for y in 0..height {
@@ -207,7 +211,7 @@ fn coarse_pixel((x, y): (usize, usize), (width, height): (usize, usize)) -> (usi
 
 /// Copies the planes of a coarser field to the four fine pixels of each.
 pub fn finer_field(level: &Level<'_>, coarser: &Field) -> Field {
-    let (width, height) = (level.picture.width, level.picture.height);
+    let (width, height) = (level.image.width, level.image.height);
     let mut field = Field::new(width, height);
     for y in 0..height {
         for x in 0..width {

@@ -4,9 +4,9 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::level::Level;
+use super::pixel_update::{SweepState, own_cost, visit};
 use super::plane::{Color, Field, Plane, WORST};
 use super::start::finer_field;
-use super::visit::{Turn, own_cost, visit};
 use ostra_core::job::{Progress, Stopped};
 
 /// Runs one iteration over a field: all red pixels, then all black ones.
@@ -20,11 +20,11 @@ pub fn sweep(
     level: &Level<'_>,
     field: &mut Field,
     empty: &Empty,
-    turn: Turn,
+    turn: SweepState,
     progress: &Progress,
 ) -> Result<(), Stopped> {
     for color in 0..2 {
-        let turn = Turn {
+        let turn = SweepState {
             visit: 2 * turn.visit + color,
             ..turn
         };
@@ -110,7 +110,7 @@ enum Work<'a> {
     /// Searches for better hypotheses at pixels that are not marked.
     Visit {
         other: &'a Color,
-        turn: Turn,
+        turn: SweepState,
         empty: &'a [bool],
     },
 }
@@ -127,7 +127,7 @@ impl WithSimd for Row<'_, '_> {
 impl Row<'_, '_> {
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
-        let width = self.level.picture.width;
+        let width = self.level.image.width;
         let pixels = self.planes.iter_mut().zip(self.costs).enumerate();
         for (i, (plane, cost)) in pixels {
             let x = 2 * i + self.first;
@@ -194,7 +194,7 @@ pub trait Passes {
         &mut self,
         level: &Level<'_>,
         field: &mut Self::Field,
-        turn: Turn,
+        turn: SweepState,
         progress: &Progress,
     ) -> Result<(), Self::Error>;
 
@@ -244,7 +244,7 @@ impl Passes for Processor {
         &mut self,
         level: &Level<'_>,
         field: &mut Field,
-        turn: Turn,
+        turn: SweepState,
         progress: &Progress,
     ) -> Result<(), Stopped> {
         sweep(level, field, &self.empty, turn, progress)

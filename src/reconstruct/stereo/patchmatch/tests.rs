@@ -1,8 +1,8 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::ncc::cost;
-use super::picture::{Texture, Tones};
 use super::plane::{Plane, Raster, Transfer};
+use super::posed_image::{Texture, Tones};
 use super::random::Dice;
 use super::window::{NOISE, Patch, TAPS, Window};
 
@@ -124,11 +124,11 @@ fn image_has_no_cost_against_itself() {
     };
     let plane = Plane::default();
     assert!(Arch::new().dispatch(Cost(&texture, &texture, &same, (plane, 20.0, 15.0))) < 0.01);
-    let beside = Plane {
+    let adjacent = Plane {
         inverse_depth: 5.0,
         ..plane
     };
-    assert!(Arch::new().dispatch(Cost(&texture, &texture, &same, (beside, 20.0, 15.0))) > 0.3);
+    assert!(Arch::new().dispatch(Cost(&texture, &texture, &same, (adjacent, 20.0, 15.0))) > 0.3);
 }
 
 #[test]

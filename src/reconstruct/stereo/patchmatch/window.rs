@@ -1,4 +1,4 @@
-use super::picture::Texture;
+use super::posed_image::Texture;
 
 /// Taps of the window.
 pub const TAPS: usize = 24;
@@ -84,20 +84,20 @@ const fn place(tap: usize) -> usize {
 impl Patch {
     /// Creates the patch around a pixel; positions beyond the border take the border's grey.
     #[inline(always)]
-    pub fn new(window: &Window, picture: &Texture, x: usize, y: usize) -> Self {
-        let (centre, own) = (picture.grey(x, y), picture.chroma[y * picture.width + x]);
+    pub fn new(window: &Window, image: &Texture, x: usize, y: usize) -> Self {
+        let (centre, own) = (image.grey(x, y), image.chroma[y * image.width + x]);
         let (mut values, mut weights) = ([0.0; TAPS], [0.0; PADDED]);
         let around = |at: usize, size: usize| -> [usize; SIDE] {
             std::array::from_fn(|k| (at + k).saturating_sub(REACH).min(size - 1))
         };
         let (columns, rows) = (
-            around(x, picture.width),
-            around(y, picture.height).map(|row| row * picture.width),
+            around(x, image.width),
+            around(y, image.height).map(|row| row * image.width),
         );
         for tap in 0..TAPS {
             let place = place(tap);
             let at = rows[place / SIDE] + columns[place % SIDE];
-            let (grey, chroma) = (picture.quads[at] as u8, picture.chroma[at]);
+            let (grey, chroma) = (image.quads[at] as u8, image.chroma[at]);
             let [blue, red] =
                 [0, 1].map(|k| window.alike_chroma[usize::from(chroma[k].abs_diff(own[k]))]);
             values[tap] = f32::from(grey);

@@ -6,9 +6,9 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::plan::{Pictures, Planned, PlannedView, StereoRequest, ViewOutcome, plan};
+use super::plan::{Images, Planned, PlannedView, StereoRequest, ViewOutcome, plan};
 use crate::stereo::filter::{FilterOptions, Neighbour, completed, filter, snapped};
-use crate::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Round, Search};
+use crate::stereo::patchmatch::{PatchMatchOptions, PlaneMap, PosedImage, Round, Search};
 use crate::stereo::raster::raster_camera;
 use crate::stereo::{DepthEstimate, DepthStore, SelectOptions, Stage, StereoError};
 use ostra_cloud::SceneError;
@@ -24,7 +24,7 @@ pub struct StereoOptions {
     /// Rounds with geometric consistency, 0–4.
     pub rounds: u32,
     /// Memory for images in use, in bytes.
-    pub picture_budget_bytes: usize,
+    pub image_budget_bytes: usize,
     /// Options for the choice of source views.
     pub select: SelectOptions,
     /// Options of the plane search.
@@ -38,7 +38,7 @@ impl Default for StereoOptions {
         Self {
             max_side: 1600,
             rounds: 2,
-            picture_budget_bytes: 96 << 20,
+            image_budget_bytes: 96 << 20,
             select: SelectOptions::default(),
             patchmatch: PatchMatchOptions::default(),
             filter: FilterOptions::default(),
@@ -64,21 +64,16 @@ pub fn estimate_depths(
     progress: &Progress,
 ) -> Result<BTreeMap<usize, ViewOutcome>, StereoError> {
     let coarsest = (options.max_side, options.patchmatch.coarsest_px);
-    let mut pictures = Pictures::new(
-        request.frames,
-        store,
-        coarsest,
-        options.picture_budget_bytes,
-    );
+    let mut images = Images::new(request.frames, store, coarsest, options.image_budget_bytes);
     progress.stage("choose views")?;
     let Planned {
         views,
         mut outcomes,
-    } = plan(request, &mut pictures, &options.select, progress)?;
+    } = plan(request, &mut images, &options.select, progress)?;
     let work = Work::new((request, views), depths, options, progress)?;
     let mut make = |name: &str, stage: Stage| {
         progress.stage(name)?;
-        work.make(stage, &mut pictures)
+        work.make(stage, &mut images)
     };
     for round in 0..=options.rounds {
         make(
@@ -121,8 +116,8 @@ pub struct Work<'a> {
 /// A view with its image and those of its neighbouring views.
 struct Prepared<'a> {
     view: &'a PlannedView,
-    picture: Arc<Picture>,
-    beside: Vec<(usize, Arc<Picture>)>,
+    image: Arc<PosedImage>,
+    adjacent: Vec<(usize, Arc<PosedImage>)>,
 }
 
 impl<'a> Prepared<'a> {
@@ -130,23 +125,23 @@ impl<'a> Prepared<'a> {
     fn new(
         view: &'a PlannedView,
         stage: Stage,
-        pictures: &mut Pictures<'_>,
+        images: &mut Images<'_>,
     ) -> Result<Self, SceneError> {
-        let mut get = |number: usize| pictures.get(number).map_err(SceneError::Request);
-        let picture = get(view.frame)?;
-        let beside = if stage == Stage::Complete {
+        let mut get = |number: usize| images.get(number).map_err(SceneError::Request);
+        let image = get(view.frame)?;
+        let adjacent = if stage == Stage::Complete {
             &view.around
         } else {
             &view.sources
         };
-        let beside = beside
+        let adjacent = adjacent
             .iter()
             .map(|&number| Ok((number, get(number)?)))
             .collect::<Result<_, SceneError>>()?;
         Ok(Self {
             view,
-            picture,
-            beside,
+            image,
+            adjacent,
         })
     }
 }
@@ -162,7 +157,7 @@ impl<'a> Work<'a> {
         options: &'a StereoOptions,
         progress: &'a Progress,
     ) -> Result<Self, StereoError> {
-        progress.stage("look for what is kept")?;
+        progress.stage("look for results kept from earlier")?;
         let work = Self {
             request,
             depths,
@@ -196,7 +191,7 @@ impl<'a> Work<'a> {
     ///
     /// # Errors
     /// The first one of the depth store or the engine, [`StereoError::Stopped`].
-    pub fn make(&self, stage: Stage, pictures: &mut Pictures<'_>) -> Result<(), StereoError> {
+    pub fn make(&self, stage: Stage, images: &mut Images<'_>) -> Result<(), StereoError> {
         let pairs = self.views.iter().zip(&self.reached);
         let open: Vec<_> = pairs
             .filter(|&(_, &reached)| reached < Some(stage))
@@ -211,7 +206,7 @@ impl<'a> Work<'a> {
                     && working.len() < at_once
                     && let Some(view) = open.next()
                 {
-                    match Prepared::new(view, stage, pictures) {
+                    match Prepared::new(view, stage, images) {
                         Ok(prepared) => {
                             let thread = scope.spawn(move || self.at_stage(&prepared, stage));
                             working.push_back((view.frame, thread));
@@ -314,18 +309,18 @@ impl<'a> Work<'a> {
         &self,
         Prepared {
             view,
-            picture,
-            beside,
+            image,
+            adjacent,
         }: &Prepared<'_>,
         round: u32,
     ) -> Result<DepthEstimate, StereoError> {
-        let sources: Vec<Arc<Picture>> = beside
+        let sources: Vec<Arc<PosedImage>> = adjacent
             .iter()
-            .map(|(_, picture)| Arc::clone(picture))
+            .map(|(_, image)| Arc::clone(image))
             .collect();
-        let allowed = (self.request.mask)(view.frame, &picture.camera);
+        let allowed = (self.request.mask)(view.frame, &image.camera);
         let task = Search {
-            reference: picture,
+            reference: image,
             sources: &sources,
             depth_range: view.depth_range,
             seeds: &view.seeds,
@@ -335,13 +330,13 @@ impl<'a> Work<'a> {
         let found = match round.checked_sub(1) {
             None => engine.search(&task, options, self.progress)?,
             Some(before) => {
-                let start = self.own(view, Stage::Round(before))?.found(picture);
-                let of_source = |(number, picture): &(usize, Arc<Picture>)| {
+                let start = self.own(view, Stage::Round(before))?.found(image);
+                let of_source = |(number, image): &(usize, Arc<PosedImage>)| {
                     Ok(self
                         .kept(*number, Stage::Round(before))?
-                        .map(|estimate| Arc::new(estimate.found(picture))))
+                        .map(|estimate| Arc::new(estimate.found(image))))
                 };
-                let others: Vec<Option<Arc<Found>>> = beside
+                let others: Vec<Option<Arc<PlaneMap>>> = adjacent
                     .par_iter()
                     .map(of_source)
                     .collect::<Result<_, StereoError>>()?;
@@ -353,15 +348,15 @@ impl<'a> Work<'a> {
                 engine.search_consistent(&task, &round, options, self.progress)?
             }
         };
-        Ok(DepthEstimate::new(&found, picture))
+        Ok(DepthEstimate::new(&found, image))
     }
 
     /// Computes the part of a view's depth that its sources agree with.
     fn filtered(&self, prepared: &Prepared<'_>) -> Result<DepthEstimate, StereoError> {
-        let (Prepared { view, picture, .. }, last) = (prepared, Stage::Round(self.options.rounds));
+        let (Prepared { view, image, .. }, last) = (prepared, Stage::Round(self.options.rounds));
         let own = snapped(
             &*self.own(view, last)?,
-            &picture.levels[0],
+            &image.levels[0],
             &self.options.filter.snap,
         );
         Ok(filter(
@@ -373,13 +368,13 @@ impl<'a> Work<'a> {
 
     /// Completes a view's depth by what its neighbours see.
     fn completed(&self, prepared: &Prepared<'_>) -> Result<DepthEstimate, StereoError> {
-        let Prepared { view, picture, .. } = prepared;
+        let Prepared { view, image, .. } = prepared;
         let own = self.own(view, Stage::Filtered)?;
         let neighbours = self.neighbours(prepared, Stage::Filtered)?;
-        let allowed = (self.request.mask)(view.frame, &picture.camera);
+        let allowed = (self.request.mask)(view.frame, &image.camera);
         Ok(completed(
             &own,
-            picture,
+            image,
             allowed.as_deref(),
             &neighbours,
             &self.options.filter,
@@ -389,13 +384,13 @@ impl<'a> Work<'a> {
     /// Returns the depths of the neighbouring views at a stage.
     fn neighbours(&self, view: &Prepared<'_>, stage: Stage) -> Result<Vec<Neighbour>, StereoError> {
         let kept: Vec<_> = view
-            .beside
+            .adjacent
             .par_iter()
             .map(|&(number, _)| self.kept(number, stage))
             .collect::<Result<_, _>>()?;
-        let pairs = view.beside.iter().zip(kept);
-        let known = pairs.filter_map(|((_, picture), estimate)| {
-            Some(Neighbour::new(&view.picture, picture, estimate?))
+        let pairs = view.adjacent.iter().zip(kept);
+        let known = pairs.filter_map(|((_, image), estimate)| {
+            Some(Neighbour::new(&view.image, image, estimate?))
         });
         Ok(known.collect())
     }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::stereo::patchmatch::{MAX_SOURCES, Picture};
+use crate::stereo::patchmatch::{MAX_SOURCES, PosedImage};
 use crate::stereo::raster::{raster_camera, raster_image, tones};
 use crate::stereo::{Engine, SelectOptions, StereoError, select_sources};
 use ostra_core::job::Progress;
@@ -64,7 +64,7 @@ pub struct Planned {
 /// [`StereoError::Stopped`].
 pub fn plan(
     request: &StereoRequest<'_>,
-    pictures: &mut Pictures<'_>,
+    images: &mut Images<'_>,
     options: &SelectOptions,
     progress: &Progress,
 ) -> Result<Planned, StereoError> {
@@ -74,11 +74,11 @@ pub fn plan(
         progress.step(done, request.views.len())?;
         let outcome = match request.frames[number]
             .posed_camera()
-            .map(|_| pictures.get(number))
+            .map(|_| images.get(number))
         {
             None => ViewOutcome::NoCamera,
             Some(Err(why)) => ViewOutcome::Unreadable { why },
-            Some(Ok(picture)) if picture.is_constant => ViewOutcome::Constant,
+            Some(Ok(image)) if image.is_constant => ViewOutcome::Constant,
             Some(Ok(_)) => {
                 usable.push(number);
                 continue;
@@ -95,7 +95,7 @@ pub fn plan(
             .zip(frame.posed_camera())
         {
             Some((depth_range, (lens, _))) => {
-                let raster = raster_camera(lens, pictures.max_side());
+                let raster = raster_camera(lens, images.max_side());
                 let seeds = points.iter().filter_map(|x_in_camera| {
                     let at_px = raster
                         .project(*x_in_camera)
@@ -170,7 +170,7 @@ impl std::fmt::Display for ViewOutcome {
             ),
             Self::NothingShared { points } => write!(
                 out,
-                "it shares too little with the other views ({points} points seen); take pictures in between"
+                "it shares too little with the other views ({points} points seen); take images in between"
             ),
             Self::Constant => write!(
                 out,
@@ -182,17 +182,17 @@ impl std::fmt::Display for ViewOutcome {
 }
 
 /// The images in use, as pyramids; the latest used are cached up to a budget.
-pub struct Pictures<'a> {
+pub struct Images<'a> {
     frames: &'a [Frame],
     store: &'a FrameStore,
     max_side: u32,
     coarsest_px: u32,
     budget_bytes: usize,
-    kept: BTreeMap<usize, (u64, Arc<Picture>)>,
+    kept: BTreeMap<usize, (u64, Arc<PosedImage>)>,
     clock: u64,
 }
 
-impl<'a> Pictures<'a> {
+impl<'a> Images<'a> {
     /// Creates an empty cache.
     pub fn new(
         frames: &'a [Frame],
@@ -215,11 +215,11 @@ impl<'a> Pictures<'a> {
     ///
     /// # Errors
     /// Returns the message of the read error.
-    pub fn get(&mut self, number: usize) -> Result<Arc<Picture>, String> {
+    pub fn get(&mut self, number: usize) -> Result<Arc<PosedImage>, String> {
         self.clock += 1;
-        if let Some((used, picture)) = self.kept.get_mut(&number) {
+        if let Some((used, image)) = self.kept.get_mut(&number) {
             *used = self.clock;
-            return Ok(Arc::clone(picture));
+            return Ok(Arc::clone(image));
         }
         let frame = &self.frames[number];
         let (lens, pose) = frame
@@ -228,10 +228,15 @@ impl<'a> Pictures<'a> {
         let image = raster_image(frame, lens, self.store, self.max_side)
             .map_err(|error| error.to_string())?;
         let camera = raster_camera(lens, self.max_side);
-        let picture = Arc::new(Picture::new(tones(&image), camera, *pose, self.coarsest_px));
-        self.make_room(picture.bytes());
-        self.kept.insert(number, (self.clock, Arc::clone(&picture)));
-        Ok(picture)
+        let image = Arc::new(PosedImage::new(
+            tones(&image),
+            camera,
+            *pose,
+            self.coarsest_px,
+        ));
+        self.make_room(image.bytes());
+        self.kept.insert(number, (self.clock, Arc::clone(&image)));
+        Ok(image)
     }
 
     /// Returns the longer side of the raster.
@@ -240,10 +245,8 @@ impl<'a> Pictures<'a> {
     }
 
     fn make_room(&mut self, bytes: usize) {
-        let held = |kept: &BTreeMap<usize, (u64, Arc<Picture>)>| {
-            kept.values()
-                .map(|(_, picture)| picture.bytes())
-                .sum::<usize>()
+        let held = |kept: &BTreeMap<usize, (u64, Arc<PosedImage>)>| {
+            kept.values().map(|(_, image)| image.bytes()).sum::<usize>()
         };
         while !self.kept.is_empty() && held(&self.kept) + bytes > self.budget_bytes {
             let oldest = self

@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use super::wall::{SIZE, camera, pose, seen};
 use crate::stereo::DepthEstimate;
 use crate::stereo::filter::{FilterOptions, Neighbour, completed};
-use crate::stereo::patchmatch::{Picture, Tones};
+use crate::stereo::patchmatch::{PosedImage, Tones};
 
 const WIDTH: usize = SIZE.0 as usize;
 
@@ -47,7 +47,7 @@ fn estimate(view: usize, knows: bool) -> DepthEstimate {
 }
 
 /// Returns a view's image of both, of one grey; of the wall alone unless it `shows` the rod.
-fn picture(view: usize, shows: bool) -> Picture {
+fn image(view: usize, shows: bool) -> PosedImage {
     let count = WIDTH * SIZE.1 as usize;
     let chroma = (0..count)
         .map(|at| {
@@ -64,7 +64,7 @@ fn picture(view: usize, shows: bool) -> Picture {
         luma: vec![120.0; count],
         chroma,
     };
-    Picture::new(tones, camera(), pose(view), 60)
+    PosedImage::new(tones, camera(), pose(view), 60)
 }
 
 /// Completes the first view's depth by two others, which know of the rod or not.
@@ -74,16 +74,12 @@ fn complete(
     allowed: Option<&[bool]>,
     know: [bool; 2],
 ) -> DepthEstimate {
-    let view = picture(0, shows);
+    let view = image(0, shows);
     let neighbours: Vec<Neighbour> = [1, 2]
         .into_iter()
         .zip(know)
         .map(|(other, knows)| {
-            Neighbour::new(
-                &view,
-                &picture(other, true),
-                Arc::new(estimate(other, knows)),
-            )
+            Neighbour::new(&view, &image(other, true), Arc::new(estimate(other, knows)))
         })
         .collect();
     completed(own, &view, allowed, &neighbours, &FilterOptions::default())
@@ -135,7 +131,7 @@ fn depth_seen_by_one_or_not_shown_or_not_allowed_is_not_taken_over() {
     );
     assert!(
         complete(&own, false, None, [true; 2]) == own,
-        "the picture does not show it"
+        "the image does not show it"
     );
     let upper: Vec<bool> = (0..own.depths.len())
         .map(|at| at < own.depths.len() / 2)
@@ -144,10 +140,10 @@ fn depth_seen_by_one_or_not_shown_or_not_allowed_is_not_taken_over() {
         complete(&own, true, Some(&upper), [true; 2]),
         complete(&own, true, None, [true; 2]),
     );
-    for (at, is_asked) in upper.into_iter().enumerate() {
+    for (at, is_requested) in upper.into_iter().enumerate() {
         assert_eq!(
             found.depths[at],
-            if is_asked {
+            if is_requested {
                 all.depths[at]
             } else {
                 own.depths[at]

@@ -4,7 +4,7 @@ use super::wall::{BORDER, SIZE, camera, frame, paint, painted, pose, seen, spars
 use crate::stereo::filter::{CompleteOptions, FilterOptions};
 use crate::stereo::patchmatch::PatchMatchOptions;
 use crate::stereo::{
-    DepthEstimate, DepthStore, Engine, MemoryDepths, Stage, StereoOptions, StereoRequest,
+    DepthEstimate, DepthStore, Engine, InMemoryDepthStore, Stage, StereoOptions, StereoRequest,
     estimate_depths,
 };
 use ostra_core::job::Progress;
@@ -66,7 +66,7 @@ fn depth(has_texture: impl Fn(DVec3) -> bool, prior_weight: f32) -> DepthEstimat
         filter,
         ..StereoOptions::default()
     };
-    let (store, depths) = (FrameStore::new(1 << 20), MemoryDepths::default());
+    let (store, depths) = (FrameStore::new(1 << 20), InMemoryDepthStore::default());
     estimate_depths(&request, &store, &depths, &options, &Progress::default()).unwrap();
     depths
         .load(0, Stage::Complete)

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3, Vec3};
 
 use super::wall::{SIZE, camera, frame, grey, pose, seen};
 use crate::stereo::{
-    DenseCloud, DepthEstimate, DepthStore, FusionOptions, MemoryDepths, Stage, StereoError,
+    DenseCloud, DepthEstimate, DepthStore, FusionOptions, InMemoryDepthStore, Stage, StereoError,
     fuse_depths,
 };
 use ostra_core::job::Progress;
@@ -40,9 +40,9 @@ fn fused_without(
         .map(|index| frame(folder.path(), index, &grey(&pose(index))))
         .collect();
     for &index in damaged {
-        std::fs::write(frames[index].picture.path(), "").unwrap();
+        std::fs::write(frames[index].image.path(), "").unwrap();
     }
-    let depths = MemoryDepths::default();
+    let depths = InMemoryDepthStore::default();
     for index in 0..2 {
         let mut estimate = exact(index);
         change(index, &mut estimate);

@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use super::wall::{SIZE, camera, picture};
+use super::wall::{SIZE, camera, image};
 use crate::stereo::DepthEstimate;
 use crate::stereo::filter::{FilterOptions, Neighbour, filter};
 
@@ -20,8 +20,8 @@ fn with_strip(depth: f32) -> DepthEstimate {
 
 /// Filters it with the same image as a neighbour; pixels that are not confident are removed.
 fn filtered(depth: f32) -> DepthEstimate {
-    let (own, picture) = (with_strip(depth), picture(0));
-    let neighbour = Neighbour::new(&picture, &picture, Arc::new(own.clone()));
+    let (own, image) = (with_strip(depth), image(0));
+    let neighbour = Neighbour::new(&image, &image, Arc::new(own.clone()));
     filter(&own, &[neighbour], &FilterOptions::default())
 }
 

@@ -5,7 +5,7 @@ use glam::DVec2;
 
 use super::wall::{BORDER, SIZE, camera, frame, paint, painted, pose, seen_by, sparse};
 use crate::stereo::{
-    DepthStore, Engine, FusionOptions, MemoryDepths, Stage, StereoOptions, StereoRequest,
+    DepthStore, Engine, FusionOptions, InMemoryDepthStore, Stage, StereoOptions, StereoRequest,
     estimate_depths, fuse_depths, raster_camera, raster_image,
 };
 use ostra_core::job::Progress;
@@ -21,7 +21,7 @@ fn lens(k: f64) -> Camera {
 }
 
 /// Returns three images of the wall, rendered through one lens and described by another.
-fn frames(folder: &Path, made_by: &Camera, told: Camera) -> Vec<Frame> {
+fn frames(folder: &Path, made_by: &Camera, reported: Camera) -> Vec<Frame> {
     let of_view = |view: usize| {
         let frame = frame(
             folder,
@@ -29,15 +29,15 @@ fn frames(folder: &Path, made_by: &Camera, told: Camera) -> Vec<Frame> {
             &painted(made_by, &pose(view), |_, x| paint(x)),
         );
         Frame {
-            camera: Some(FrameCamera::given(told, Some(pose(view)))),
+            camera: Some(FrameCamera::given(reported, Some(pose(view)))),
             ..frame
         }
     };
     (0..3).map(of_view).collect()
 }
 
-fn depths(frames: &[Frame], store: &FrameStore) -> MemoryDepths {
-    let (depths, sparse) = (MemoryDepths::default(), sparse(&[0, 1, 2]));
+fn depths(frames: &[Frame], store: &FrameStore) -> InMemoryDepthStore {
+    let (depths, sparse) = (InMemoryDepthStore::default(), sparse(&[0, 1, 2]));
     let request = StereoRequest {
         frames,
         views: &[0, 1, 2],
@@ -54,7 +54,7 @@ fn depths(frames: &[Frame], store: &FrameStore) -> MemoryDepths {
 }
 
 /// Returns the share of the first view's pixels, away from the borders, whose depth is right to half a hundredth.
-fn share_right(depths: &MemoryDepths) -> f64 {
+fn share_right(depths: &InMemoryDepthStore) -> f64 {
     let estimate = depths.load(0, Stage::Complete).unwrap().unwrap();
     let (width, height) = (estimate.width(), estimate.height());
     let (mut right, mut all) = (0, 0);

@@ -3,8 +3,8 @@ use std::time::Duration;
 
 use super::wall::{frame, grey, pose, sparse};
 use crate::stereo::{
-    DepthEstimate, DepthStore, Engine, MemoryDepths, RasterMask, Stage, StereoError, StereoOptions,
-    StereoRequest, estimate_depths,
+    DepthEstimate, DepthStore, Engine, InMemoryDepthStore, RasterMask, Stage, StereoError,
+    StereoOptions, StereoRequest, estimate_depths,
 };
 use ostra_cloud::SceneError;
 use ostra_core::job::Progress;
@@ -14,7 +14,7 @@ use ostra_geometry::Camera;
 /// Records what is computed, and requests a stop after so many.
 #[derive(Default)]
 struct Noted {
-    depths: MemoryDepths,
+    depths: InMemoryDepthStore,
     made: Mutex<Vec<(usize, Stage)>>,
     stop_after: usize,
     progress: Progress,

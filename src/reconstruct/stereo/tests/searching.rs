@@ -1,13 +1,13 @@
 use std::sync::Arc;
 
-use super::wall::{BORDER, SIZE, picture, pose, seen};
+use super::wall::{BORDER, SIZE, image, pose, seen};
 use crate::stereo::Engine;
-use crate::stereo::patchmatch::{Found, PatchMatchOptions, Plane, Round, Search};
+use crate::stereo::patchmatch::{PatchMatchOptions, Plane, PlaneMap, Round, Search};
 use ostra_core::job::Progress;
 
-fn found(allowed: Option<&[bool]>) -> Found {
-    let sources = [picture(1), picture(2)];
-    let reference = picture(0);
+fn found(allowed: Option<&[bool]>) -> PlaneMap {
+    let sources = [image(1), image(2)];
+    let reference = image(0);
     let task = Search {
         reference: &reference,
         sources: &sources,
@@ -21,7 +21,7 @@ fn found(allowed: Option<&[bool]>) -> Found {
 }
 
 /// Returns the median error of depth as a share of it, away from the borders.
-fn median_error(found: &Found) -> f64 {
+fn median_error(found: &PlaneMap) -> f64 {
     let (width, height) = (SIZE.0 as usize, SIZE.1 as usize);
     let inside = |at: &usize| {
         let (x, y) = (at % width, at / width);
@@ -50,7 +50,7 @@ fn slanted_wall_is_found() {
 fn consistent_round_keeps_the_wall() {
     let first = found(None);
     let planes = |index: usize| {
-        let raster = picture(index).raster(0);
+        let raster = image(index).raster(0);
         let plane = |at: usize| {
             let (x, y) = (at % SIZE.0 as usize, at / SIZE.0 as usize);
             let depth = seen(
@@ -62,14 +62,14 @@ fn consistent_round_keeps_the_wall() {
         };
         let planes: Vec<Plane> = (0..(SIZE.0 * SIZE.1) as usize).map(plane).collect();
         let costs = vec![0.0; planes.len()];
-        Some(Arc::new(Found {
+        Some(Arc::new(PlaneMap {
             width: SIZE.0 as usize,
             height: SIZE.1 as usize,
             planes,
             costs,
         }))
     };
-    let (reference, sources) = (picture(0), [picture(1), picture(2)]);
+    let (reference, sources) = (image(0), [image(1), image(2)]);
     let task = Search {
         reference: &reference,
         sources: &sources,
@@ -120,10 +120,10 @@ fn pixels_outside_the_mask_are_not_searched() {
 fn stop_ends_the_search() {
     let progress = Progress::default();
     progress.stop();
-    let reference = picture(0);
+    let reference = image(0);
     let task = Search {
         reference: &reference,
-        sources: &[picture(1)],
+        sources: &[image(1)],
         depth_range: [1.5, 6.0],
         seeds: &[],
         allowed: None,

@@ -6,12 +6,12 @@ use crate::stereo::patchmatch::{Texture, Tones};
 const WIDTH: usize = SIZE.0 as usize;
 
 /// Returns a strip of four columns at depth 1 in front of a wall at depth 2, too wide by `told` columns on the right.
-fn strip(told: usize) -> DepthEstimate {
+fn strip(reported: usize) -> DepthEstimate {
     let mut estimate = DepthEstimate::empty(camera());
     estimate.normals.fill([0, 0, -127]);
     estimate.confidence.fill(255);
     for at in 0..estimate.depths.len() {
-        estimate.depths[at] = if (70..74 + told).contains(&(at % WIDTH)) {
+        estimate.depths[at] = if (70..74 + reported).contains(&(at % WIDTH)) {
             1.0
         } else {
             2.0
@@ -21,7 +21,7 @@ fn strip(told: usize) -> DepthEstimate {
 }
 
 /// Returns green in front of red, of one grey.
-fn picture(apart: f32) -> Texture {
+fn image(apart: f32) -> Texture {
     let count = WIDTH * SIZE.1 as usize;
     let chroma = |at: usize| {
         if (70..74).contains(&(at % WIDTH)) {
@@ -41,14 +41,14 @@ fn picture(apart: f32) -> Texture {
 
 #[test]
 fn border_moves_to_the_change_of_colour() {
-    let (told, options) = (strip(2), SnapOptions::default());
+    let (reported, options) = (strip(2), SnapOptions::default());
     assert_eq!(
-        snapped(&told, &picture(60.0), &options).depths,
+        snapped(&reported, &image(60.0), &options).depths,
         strip(0).depths
     );
     assert_eq!(
-        snapped(&told, &picture(0.0), &options).depths,
-        told.depths,
-        "where no colour tells, nothing moves"
+        snapped(&reported, &image(0.0), &options).depths,
+        reported.depths,
+        "where colours do not differ, nothing moves"
     );
 }

@@ -1,7 +1,7 @@
 use super::wall::{camera, frame, grey, pose, sparse};
 use crate::stereo::patchmatch::Tones;
 use crate::stereo::{
-    DepthStore, Engine, MemoryDepths, SelectOptions, Stage, StereoOptions, StereoRequest,
+    DepthStore, Engine, InMemoryDepthStore, SelectOptions, Stage, StereoOptions, StereoRequest,
     ViewOutcome, estimate_depths, select_sources,
 };
 use ostra_core::job::Progress;
@@ -60,7 +60,7 @@ fn views_without_sources_are_reported_and_the_rest_done() {
         mask: &|_, _| None,
         engine: &Engine::Cpu,
     };
-    let (store, depths) = (FrameStore::new(1 << 20), MemoryDepths::default());
+    let (store, depths) = (FrameStore::new(1 << 20), InMemoryDepthStore::default());
     let options = StereoOptions {
         max_side: 160,
         ..StereoOptions::default()

@@ -3,9 +3,9 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec2, DVec3};
 
-use crate::stereo::patchmatch::{Picture, Tones};
+use crate::stereo::patchmatch::{PosedImage, Tones};
 use ostra_frames::cameras::{SparseKeypoint, SparsePoint, SparsePoints};
-use ostra_frames::{Frame, FrameCamera, PictureSource};
+use ostra_frames::{Frame, FrameCamera, ImageSource};
 use ostra_geometry::{Camera, Pose};
 
 /// Columns and rows of the images.
@@ -74,8 +74,13 @@ pub fn painted(camera: &Camera, pose: &Pose, paint: impl Fn(usize, DVec3) -> f32
     }
 }
 
-pub fn picture(index: usize) -> Arc<Picture> {
-    Arc::new(Picture::new(grey(&pose(index)), camera(), pose(index), 60))
+pub fn image(index: usize) -> Arc<PosedImage> {
+    Arc::new(PosedImage::new(
+        grey(&pose(index)),
+        camera(),
+        pose(index),
+        60,
+    ))
 }
 
 /// Returns a frame whose image is written into a folder.
@@ -95,7 +100,7 @@ pub fn frame(folder: &Path, index: usize, grey: &Tones) -> Frame {
     )
     .unwrap();
     Frame {
-        picture: PictureSource::File {
+        image: ImageSource::File {
             path: folder.join(&name),
             orientation: Default::default(),
         },

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use super::*;
 use ostra_core::job::JobId;
 use ostra_masks::LabelId;
-use ostra_project::testing::{anchor, project, record, tracked};
+use ostra_project::testing::{keyframe, project, record, tracked};
 use ostra_project::{MaskOrigin, OpenProject, Project};
 
 /// Returns a session with a run whose frames the test provides.
@@ -53,7 +53,7 @@ fn masks_tracked_from_keyframes_that_changed_meanwhile_are_stale() {
     start
         .apply(Edit::SetMask {
             frame: 0,
-            mask: Some(anchor([1, 0, 0])),
+            mask: Some(keyframe([1, 0, 0])),
         })
         .unwrap();
     start
@@ -71,7 +71,7 @@ fn masks_tracked_from_keyframes_that_changed_meanwhile_are_stale() {
             "Paint",
             vec![Edit::SetMask {
                 frame: 3,
-                mask: Some(anchor([2, 2, 2])),
+                mask: Some(keyframe([2, 2, 2])),
             }],
         )
         .unwrap();
@@ -83,8 +83,8 @@ fn masks_tracked_from_keyframes_that_changed_meanwhile_are_stale() {
     assert!(stale(&session, 2) && stale(&session, 4));
     assert_eq!(
         session.project().unwrap().masks[&3],
-        anchor([2, 2, 2]),
-        "the new anchor stands"
+        keyframe([2, 2, 2]),
+        "the new keyframe stands"
     );
     assert!(session.project().unwrap().results[&ResultKind::Tracking].stale);
     for title in ["Track with flow", "Paint", "Track with flow"] {
@@ -103,7 +103,7 @@ fn retracking_a_label_leaves_frames_outside_its_range_stale() {
             "Prompt",
             vec![Edit::SetMask {
                 frame: 0,
-                mask: Some(anchor([1, 2, 0])),
+                mask: Some(keyframe([1, 2, 0])),
             }],
         )
         .unwrap();
@@ -116,7 +116,7 @@ fn retracking_a_label_leaves_frames_outside_its_range_stale() {
             "Correct",
             vec![Edit::SetMask {
                 frame: 2,
-                mask: Some(anchor([0, 2, 1])),
+                mask: Some(keyframe([0, 2, 1])),
             }],
         )
         .unwrap();
@@ -138,7 +138,7 @@ fn retracking_a_label_leaves_frames_outside_its_range_stale() {
     assert_eq!(project.masks[&3].runs, tracked([0, 2, 1]).runs);
     assert_eq!(
         (&project.masks[&0], &project.masks[&2]),
-        (&anchor([1, 2, 0]), &anchor([0, 2, 1]))
+        (&keyframe([1, 2, 0]), &keyframe([0, 2, 1]))
     );
     session.undo().unwrap();
     assert_eq!([1, 3, 4].map(|frame| stale(&session, frame)), [true; 3]);
@@ -177,7 +177,7 @@ fn run_with_low_confidence_pauses() {
     else {
         panic!()
     };
-    assert!(text.contains("'stem' is 50 % sure"), "{text}");
+    assert!(text.contains("'stem' has 50 % confidence"), "{text}");
     session.end_track(JobId(2)).unwrap();
     assert_eq!(
         session
@@ -199,7 +199,7 @@ enum Act {
         replace: bool,
         brought: Vec<(usize, u16)>,
     },
-    Anchor {
+    Keyframe {
         frame: usize,
         id: u16,
     },
@@ -212,17 +212,17 @@ fn act() -> impl Strategy<Value = Act> {
     prop_oneof![
         3 => (proptest::collection::vec(0u16..4, 0..3), any::<bool>(), brought)
             .prop_map(|(labels, replace, brought)| Act::Track { labels, replace, brought }),
-        1 => (0usize..5, 0u16..3).prop_map(|(frame, id)| Act::Anchor { frame, id }),
+        1 => (0usize..5, 0u16..3).prop_map(|(frame, id)| Act::Keyframe { frame, id }),
         1 => Just(Act::Undo),
         1 => Just(Act::Redo),
     ]
 }
 
-fn anchors(session: &Session) -> BTreeMap<usize, FrameMask> {
+fn keyframes(session: &Session) -> BTreeMap<usize, FrameMask> {
     let masks = session.project().unwrap().masks.clone();
     masks
         .into_iter()
-        .filter(|(_, mask)| mask.origin == MaskOrigin::Anchor)
+        .filter(|(_, mask)| mask.origin == MaskOrigin::Keyframe)
         .collect()
 }
 
@@ -238,18 +238,18 @@ proptest! {
             match act {
                 Act::Undo => drop(session.undo()),
                 Act::Redo => drop(session.redo()),
-                Act::Anchor { frame, id } => {
-                    let mask = Some(anchor([id, 2, 0]));
+                Act::Keyframe { frame, id } => {
+                    let mask = Some(keyframe([id, 2, 0]));
                     session.commit("Prompt", vec![Edit::SetMask { frame, mask }]).unwrap();
                 }
                 Act::Track { labels, replace, brought } => {
-                    let (before, held) = (session.snapshot().unwrap(), anchors(&session));
+                    let (before, held) = (session.snapshot().unwrap(), keyframes(&session));
                     begin(&mut session, job, &only(&labels, replace));
                     for (frame, id) in brought {
                         session.gather(frame, tracked([id, 0, 1]), false).unwrap();
                     }
                     session.end_track(JobId(job)).unwrap();
-                    prop_assert_eq!(anchors(&session), held);
+                    prop_assert_eq!(keyframes(&session), held);
                     let after = session.project().unwrap();
                     for (frame, mask) in before.masks.iter().filter(|_| !labels.is_empty() && !replace) {
                         for (was, is, _) in mask.runs.joint_runs(&after.masks[frame].runs) {

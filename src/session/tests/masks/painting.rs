@@ -36,7 +36,7 @@ fn dragged_border_is_one_undoable_step_and_respects_locks() {
     let mut session = opened(folder.path());
     let pull = |label, to: f64| {
         let (from_px, to_px) = (DVec2::new(12.0, 7.0), DVec2::new(to, 7.0));
-        Command::Pull(PullRequest {
+        Command::MoveBorder(MoveBorderRequest {
             frame: 0,
             label,
             from_px,
@@ -64,7 +64,7 @@ fn dragged_border_is_one_undoable_step_and_respects_locks() {
     let (from_px, to_px) = (DVec2::new(12.0, 7.0), DVec2::new(12.0, 7.0));
     perform(
         &mut session,
-        Command::Pull(PullRequest {
+        Command::MoveBorder(MoveBorderRequest {
             frame: 0,
             label: LEAF,
             from_px,
@@ -124,7 +124,7 @@ fn snapping_brush_stops_at_the_edge_and_is_one_step() {
     assert_eq!(session.undo_title(), Some("Paint leaf on frame 0"));
     assert_eq!(
         session.project().unwrap().masks[&0].origin,
-        MaskOrigin::Anchor
+        MaskOrigin::Keyframe
     );
     let plain = serde_json::json!({
         "frame": 0, "label": 2, "points_px": [[1.0, 2.0]], "radius_px": 3.0, "erase": false, "replace": true

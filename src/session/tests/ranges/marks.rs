@@ -7,7 +7,7 @@ fn job_overtaken_by_marks_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(
         &folder,
-        &[anchor([1, 0, 0]), both([0, 0, 0]), anchor([0, 0, 1])],
+        &[keyframe([1, 0, 0]), both([0, 0, 0]), keyframe([0, 0, 1])],
     );
     let request = |change| RangeRequest {
         labels: vec![LEAF],
@@ -61,7 +61,7 @@ proptest! {
         changes in proptest::collection::vec((any_change(), 0u16..3, 0usize..5, 0usize..5, any::<bool>()), 1..5),
     ) {
         let folder = tempfile::tempdir().unwrap();
-        let masks: Vec<_> = masks.into_iter().map(|(ids, is)| if is { anchor(ids) } else { both(ids) }).collect();
+        let masks: Vec<_> = masks.into_iter().map(|(ids, is)| if is { keyframe(ids) } else { both(ids) }).collect();
         let mut session = opened(&folder, &masks);
         if locked.0 > 0 {
             change(&mut session, &[LabelId(locked.0)], (locked.1, 4), RangeChange::Lock).unwrap();

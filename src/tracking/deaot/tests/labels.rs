@@ -11,7 +11,7 @@ const WIDTH: u32 = 110;
 const HEIGHT: u32 = 60;
 
 /// Draws a bright square that moves over a gradient.
-pub(super) fn picture(at: u32) -> Image {
+pub(super) fn image(at: u32) -> Image {
     let pixel = |x: u32, y: u32| {
         let is_in = (20 + 3 * at..45 + 3 * at).contains(&x) && (15..40).contains(&y);
         if is_in {
@@ -53,12 +53,11 @@ fn labels_are_ascending_in_whatever_order_they_were_given() {
     let progress = Progress::default();
     let pass = |first: u16, second: u16| {
         let mut pass = deaot.pass(&progress);
-        pass.remember(&picture(0), &mask(&[(first, 20, 45)]))
+        pass.remember(&image(0), &mask(&[(first, 20, 45)])).unwrap();
+        pass.propagate(&image(1)).unwrap();
+        pass.remember(&image(1), &mask(&[(second, 70, 100)]))
             .unwrap();
-        pass.propagate(&picture(1)).unwrap();
-        pass.remember(&picture(1), &mask(&[(second, 70, 100)]))
-            .unwrap();
-        pass.propagate(&picture(2)).unwrap()
+        pass.propagate(&image(2)).unwrap()
     };
     let (ascending, descending) = (pass(4, 9), pass(9, 4));
     assert_eq!(ascending.labels, [LabelId(4), LabelId(9)]);
@@ -89,18 +88,18 @@ fn labels_are_ascending_in_whatever_order_they_were_given() {
 fn mask_given_before_or_after_propagation_has_the_same_effect() {
     let deaot = tiny_networks(DeaotOptions::default());
     let progress = Progress::default();
-    let told = mask(&[(2, 60, 90)]);
+    let reported = mask(&[(2, 60, 90)]);
     let pass = |is_answered: bool| {
         let mut pass = deaot.pass(&progress);
-        pass.remember(&picture(0), &mask(&[(1, 20, 45)])).unwrap();
+        pass.remember(&image(0), &mask(&[(1, 20, 45)])).unwrap();
         // The fifth image would enter long-term memory if no mask were given.
-        (1..5).for_each(|at| drop(pass.propagate(&picture(at)).unwrap()));
+        (1..5).for_each(|at| drop(pass.propagate(&image(at)).unwrap()));
         if is_answered {
-            pass.propagate(&picture(5)).unwrap();
+            pass.propagate(&image(5)).unwrap();
         }
-        pass.remember(&picture(5), &told).unwrap();
+        pass.remember(&image(5), &reported).unwrap();
         (6..8)
-            .map(|at| pass.propagate(&picture(at)).unwrap())
+            .map(|at| pass.propagate(&image(at)).unwrap())
             .next_back()
             .unwrap()
     };
@@ -112,14 +111,15 @@ fn mask_given_before_or_after_propagation_has_the_same_effect() {
 fn corrected_mask_changes_the_result_and_an_empty_one_does_not() {
     let deaot = tiny_networks(DeaotOptions::default());
     let progress = Progress::default();
-    let pass = |told: Option<LabelMask>| {
+    let pass = |reported: Option<LabelMask>| {
         let mut pass = deaot.pass(&progress);
-        pass.remember(&picture(0), &mask(&[(1, 20, 45), (2, 60, 80)]))
+        pass.remember(&image(0), &mask(&[(1, 20, 45), (2, 60, 80)]))
             .unwrap();
-        pass.propagate(&picture(1)).unwrap();
-        told.into_iter()
-            .for_each(|told| pass.remember(&picture(1), &told).unwrap());
-        pass.propagate(&picture(2)).unwrap()
+        pass.propagate(&image(1)).unwrap();
+        reported
+            .into_iter()
+            .for_each(|reported| pass.remember(&image(1), &reported).unwrap());
+        pass.propagate(&image(2)).unwrap()
     };
     let plain = pass(None);
     assert_eq!(
@@ -136,7 +136,7 @@ fn corrected_mask_changes_the_result_and_an_empty_one_does_not() {
     let of_one = pass(Some(mask(&[(1, 80, 105)])));
     assert!(
         difference(&of_one, &corrected) > 0.01,
-        "what is not told of the other is as it was seen"
+        "without new information the other label stays as it was"
     );
 }
 
@@ -152,9 +152,9 @@ fn memory_bound_has_no_effect_until_it_is_reached() {
         };
         let deaot = tiny_networks(options);
         let mut pass = deaot.pass(&progress);
-        pass.remember(&picture(0), &mask(&[(1, 20, 45)])).unwrap();
+        pass.remember(&image(0), &mask(&[(1, 20, 45)])).unwrap();
         (1..7)
-            .map(|at| pass.propagate(&picture(at)).unwrap())
+            .map(|at| pass.propagate(&image(at)).unwrap())
             .collect()
     };
     let (bounded, free) = (pass(4), pass(100));
@@ -172,11 +172,11 @@ fn probabilities_have_the_size_of_each_image() {
     let deaot = tiny_networks(options);
     let progress = Progress::default();
     let mut pass = deaot.pass(&progress);
-    pass.remember(&picture(0), &mask(&[(1, 20, 45)])).unwrap();
+    pass.remember(&image(0), &mask(&[(1, 20, 45)])).unwrap();
     let turned = Image {
         width: HEIGHT,
         height: WIDTH,
-        pixels: picture(1).pixels,
+        pixels: image(1).pixels,
     };
     let found = pass.propagate(&turned).unwrap();
     assert_eq!(
@@ -184,7 +184,7 @@ fn probabilities_have_the_size_of_each_image() {
         (HEIGHT as usize, WIDTH as usize)
     );
     assert_eq!(found.probabilities.len(), 2 * turned.pixels.len());
-    assert_eq!(pass.propagate(&picture(2)).unwrap().width, WIDTH as usize);
+    assert_eq!(pass.propagate(&image(2)).unwrap().width, WIDTH as usize);
 }
 
 #[test]
@@ -193,20 +193,20 @@ fn missing_empty_or_ill_sized_masks_are_rejected() {
     let deaot = tiny_networks(DeaotOptions::default());
     let progress = Progress::default();
     let mut pass = deaot.pass(&progress);
-    let error = pass.propagate(&picture(0)).unwrap_err();
+    let error = pass.propagate(&image(0)).unwrap_err();
     assert!(error.to_string().contains("no mask to carry"), "{error}");
-    pass.remember(&picture(0), &mask(&[])).unwrap();
+    pass.remember(&image(0), &mask(&[])).unwrap();
     assert!(
-        pass.propagate(&picture(1)).is_err(),
+        pass.propagate(&image(1)).is_err(),
         "an empty mask gives nothing to carry"
     );
     let error = pass
-        .remember(&picture(0), &LabelMask::empty(WIDTH, 3))
+        .remember(&image(0), &LabelMask::empty(WIDTH, 3))
         .unwrap_err();
     assert!(error.to_string().contains("110×3"), "{error}");
     let cut = Image {
         pixels: Vec::new(),
-        ..picture(0)
+        ..image(0)
     };
     assert!(pass.remember(&cut, &mask(&[(1, 0, 9)])).is_err());
 }
@@ -217,10 +217,10 @@ fn stopped_pass_ends_with_an_error() {
     let deaot = tiny_networks(DeaotOptions::default());
     let progress = Progress::default();
     let mut pass = deaot.pass(&progress);
-    pass.remember(&picture(0), &mask(&[(1, 20, 45)])).unwrap();
+    pass.remember(&image(0), &mask(&[(1, 20, 45)])).unwrap();
     progress.stop();
     assert!(matches!(
-        pass.propagate(&picture(1)),
+        pass.propagate(&image(1)),
         Err(MaskError::Stopped(_))
     ));
 }

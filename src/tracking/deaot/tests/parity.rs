@@ -31,7 +31,7 @@ struct Reference {
 struct Case {
     name: String,
     /// Masks given, by image.
-    told: BTreeMap<usize, String>,
+    reported: BTreeMap<usize, String>,
     /// Standard deviation of the logits.
     deviation: f64,
     /// Results from the second image on.
@@ -86,14 +86,14 @@ impl Folder {
         }
     }
 
-    fn picture(&self, at: usize) -> Image {
-        let picture = image::open(self.path.join(format!("frame-{at}.png")))
+    fn image(&self, at: usize) -> Image {
+        let image = image::open(self.path.join(format!("frame-{at}.png")))
             .unwrap()
             .to_rgb8();
-        let pixels = picture.pixels().map(|pixel| pixel.0).collect();
+        let pixels = image.pixels().map(|pixel| pixel.0).collect();
         Image {
-            width: picture.width(),
-            height: picture.height(),
+            width: image.width(),
+            height: image.height(),
             pixels,
         }
     }
@@ -121,15 +121,15 @@ impl Folder {
         let mut pass = deaot.pass(&progress);
         let mut difference = Difference::default();
         for at in 0..self.reference.frames {
-            let image = seen(self.picture(at));
+            let image = seen(self.image(at));
             if let Some(expected) = at.checked_sub(1).map(|before| &case.frames[before]) {
                 let propagated = pass.propagate(&image).unwrap();
                 self.compare_logits(case, expected, &pass, &mut difference);
                 let found = super::winner(&propagated);
                 compare_masks(&self.mask(&expected.mask), &found, &mut difference);
             }
-            if let Some(told) = case.told.get(&at) {
-                pass.remember(&image, &self.mask(told)).unwrap();
+            if let Some(reported) = case.reported.get(&at) {
+                pass.remember(&image, &self.mask(reported)).unwrap();
             }
         }
         difference
@@ -186,7 +186,7 @@ fn logits_and_masks_match_the_reference() {
     for case in &folder.reference.cases {
         let found = folder.pass(&deaot, case, |image| image);
         println!(
-            "{}: {found:?}, deviation {:.2}, {} pictures",
+            "{}: {found:?}, deviation {:.2}, {} images",
             case.name,
             case.deviation,
             case.frames.len()
@@ -240,6 +240,6 @@ fn swapped_channels_half_pixel_shifts_and_missing_memory_are_detected() {
     );
     assert!(
         forgotten.logits > 10.0 * TOLERANCE,
-        "only the first picture remembered for long: {forgotten:?}"
+        "only the first image remembered for long: {forgotten:?}"
     );
 }

@@ -5,31 +5,31 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::super::DeaotOptions;
-use super::labels::{mask, picture};
+use super::labels::{image, mask};
 use super::{tiny_networks, winner};
 use ostra_core::job::Progress;
-use ostra_frames::{Frame, FrameStore, Orientation, PictureSource};
+use ostra_frames::{Frame, FrameStore, ImageSource, Orientation};
 use ostra_masks::{Direction, LabelMask, TrackRequest, Tracker};
 
 /// Writes images 0 to `last` to files.
 fn frames(folder: &Path, last: u32) -> Vec<Frame> {
     let one = |at: u32| {
-        let (path, picture) = (folder.join(format!("{at}.png")), picture(at));
-        let pixels = picture.pixels.as_flattened().to_vec();
-        image::RgbImage::from_raw(picture.width, picture.height, pixels)
+        let (path, image) = (folder.join(format!("{at}.png")), image(at));
+        let pixels = image.pixels.as_flattened().to_vec();
+        image::RgbImage::from_raw(image.width, image.height, pixels)
             .unwrap()
             .save(&path)
             .unwrap();
-        let source = PictureSource::File {
+        let source = ImageSource::File {
             path,
             orientation: Orientation::default(),
         };
-        let (width, height) = (picture.width, picture.height);
+        let (width, height) = (image.width, image.height);
         Frame {
             name: at.to_string(),
             width,
             height,
-            picture: source,
+            image: source,
             depth: None,
             camera: None,
         }
@@ -46,7 +46,7 @@ fn masks_propagate_in_both_directions_from_a_keyframe() {
     let request = TrackRequest {
         frames: Arc::new(frames(folder.path(), 4)),
         store: Arc::new(FrameStore::new(1 << 20)),
-        anchors: BTreeMap::from([(2, Arc::new(keyframe.clone()))]),
+        keyframes: BTreeMap::from([(2, Arc::new(keyframe.clone()))]),
         from: 0,
         to: 4,
         direction: Direction::Both,
@@ -64,9 +64,9 @@ fn masks_propagate_in_both_directions_from_a_keyframe() {
     let mut expected = BTreeMap::new();
     for way in [[3, 4], [1, 0]] {
         let mut pass = deaot.pass(&progress);
-        pass.remember(&picture(2), &keyframe).unwrap();
+        pass.remember(&image(2), &keyframe).unwrap();
         for at in way {
-            expected.insert(at as usize, winner(&pass.propagate(&picture(at)).unwrap()));
+            expected.insert(at as usize, winner(&pass.propagate(&image(at)).unwrap()));
         }
     }
     assert_eq!(found, expected);

@@ -6,7 +6,7 @@ use super::*;
 use ostra_masks::{Region, WalkedFrame, merged};
 
 /// Returns the masks and the warnings.
-fn told(request: &TrackRequest) -> (BTreeMap<usize, TrackedFrame>, Vec<String>) {
+fn reported(request: &TrackRequest) -> (BTreeMap<usize, TrackedFrame>, Vec<String>) {
     let mut tracked = BTreeMap::new();
     let mut take = |frame: TrackedFrame| {
         tracked.insert(frame.frame, frame);
@@ -18,8 +18,8 @@ fn told(request: &TrackRequest) -> (BTreeMap<usize, TrackedFrame>, Vec<String>) 
 }
 
 /// Deletes the file of frame `gone` and truncates those of `cut`.
-fn damage(film: &Film, gone: usize, cut: &[usize]) {
-    let path = |frame: usize| film._folder.path().join(format!("{frame:03}.png"));
+fn damage(video: &Video, gone: usize, cut: &[usize]) {
+    let path = |frame: usize| video._folder.path().join(format!("{frame:03}.png"));
     std::fs::remove_file(path(gone)).unwrap();
     for &frame in cut {
         let bytes = std::fs::read(path(frame)).unwrap();
@@ -29,10 +29,10 @@ fn damage(film: &Film, gone: usize, cut: &[usize]) {
 
 #[test]
 fn backward_tracks_only_earlier_frames_in_descending_order() {
-    let film = Film::new(40, &two_disks(), 0..0);
+    let video = Video::new(40, &two_disks(), 0..0);
     let request = TrackRequest {
         direction: Direction::Backward,
-        ..film.request(&[37])
+        ..video.request(&[37])
     };
     let mut order = Vec::new();
     let mut tracked = BTreeMap::new();
@@ -45,7 +45,7 @@ fn backward_tracks_only_earlier_frames_in_descending_order() {
         .unwrap();
     assert_eq!(order, (0..37).rev().collect::<Vec<_>>());
     for (frame, label) in [(0, LEFT), (20, LEFT), (0, RIGHT), (20, RIGHT)] {
-        let iou = film.iou(&tracked, frame, label);
+        let iou = video.iou(&tracked, frame, label);
         assert!(iou > 0.85, "{label:?} in frame {frame}: {iou}");
     }
 }
@@ -53,14 +53,14 @@ fn backward_tracks_only_earlier_frames_in_descending_order() {
 #[test]
 fn unreadable_frames_are_skipped_and_named() {
     for (keyframe, last) in [(0, 19), (19, 0)] {
-        let film = Film::new(20, &two_disks(), 0..0);
-        damage(&film, 6, &[7, 12]);
-        let (tracked, warnings) = told(&film.request(&[keyframe]));
+        let video = Video::new(20, &two_disks(), 0..0);
+        damage(&video, 6, &[7, 12]);
+        let (tracked, warnings) = reported(&video.request(&[keyframe]));
         let expected: Vec<usize> = (0..20)
             .filter(|frame| ![keyframe, 6, 7, 12].contains(frame))
             .collect();
         assert_eq!(tracked.keys().copied().collect::<Vec<_>>(), expected);
-        assert!(film.iou(&tracked, last, LEFT) > 0.85 && film.iou(&tracked, last, RIGHT) > 0.85);
+        assert!(video.iou(&tracked, last, LEFT) > 0.85 && video.iou(&tracked, last, RIGHT) > 0.85);
         let [warning] = warnings.as_slice() else {
             panic!("{warnings:?}")
         };
@@ -73,20 +73,20 @@ fn unreadable_frames_are_skipped_and_named() {
 
 #[test]
 fn unreadable_frames_between_keyframes_are_skipped_in_both_passes() {
-    let film = Film::new(20, &two_disks(), 0..0);
+    let video = Video::new(20, &two_disks(), 0..0);
     for gone in [1, 7, 12, 18] {
-        damage(&film, gone, &[]);
+        damage(&video, gone, &[]);
     }
-    let (tracked, warnings) = told(&film.request(&[0, 19]));
+    let (tracked, warnings) = reported(&video.request(&[0, 19]));
     let readable: Vec<usize> = (1..19)
         .filter(|frame| ![1, 7, 12, 18].contains(frame))
         .collect();
     assert_eq!(tracked.keys().copied().collect::<Vec<_>>(), readable);
     for frame in [2, 8, 17] {
         assert!(
-            film.iou(&tracked, frame, LEFT) > 0.9,
+            video.iou(&tracked, frame, LEFT) > 0.9,
             "frame {frame}: {}",
-            film.iou(&tracked, frame, LEFT)
+            video.iou(&tracked, frame, LEFT)
         );
     }
     let [warning] = warnings.as_slice() else {
@@ -97,15 +97,15 @@ fn unreadable_frames_between_keyframes_are_skipped_in_both_passes() {
 
 #[test]
 fn unreadable_frame_outside_the_range_is_ignored() {
-    let film = Film::new(12, &two_disks(), 0..0);
-    damage(&film, 7, &[]);
+    let video = Video::new(12, &two_disks(), 0..0);
+    damage(&video, 7, &[]);
     let request = TrackRequest {
         from: 3,
         to: 6,
         direction: Direction::Forward,
-        ..film.request(&[1, 10])
+        ..video.request(&[1, 10])
     };
-    let (tracked, warnings) = told(&request);
+    let (tracked, warnings) = reported(&request);
     assert_eq!(
         (tracked.keys().copied().collect::<Vec<_>>(), warnings),
         (vec![3, 4, 5, 6], vec![])
@@ -114,18 +114,18 @@ fn unreadable_frame_outside_the_range_is_ignored() {
 
 #[test]
 fn unreadable_keyframe_is_replaced_by_the_pass_from_the_other_side() {
-    let film = Film::new(12, &two_disks(), 0..0);
-    damage(&film, 0, &[]);
-    let (tracked, warnings) = told(&film.request(&[0, 11]));
+    let video = Video::new(12, &two_disks(), 0..0);
+    damage(&video, 0, &[]);
+    let (tracked, warnings) = reported(&video.request(&[0, 11]));
     assert_eq!(
         tracked.keys().copied().collect::<Vec<_>>(),
         (1..11).collect::<Vec<_>>()
     );
     assert!(
-        film.iou(&tracked, 1, LEFT) > 0.85 && warnings[0].contains("000.png"),
+        video.iou(&tracked, 1, LEFT) > 0.85 && warnings[0].contains("000.png"),
         "{warnings:?}"
     );
-    let alone = film.request(&[0]);
+    let alone = video.request(&[0]);
     let refused = FlowTracker::default()
         .track(&alone, &mut |_| {}, &Progress::default())
         .unwrap_err();
@@ -134,19 +134,19 @@ fn unreadable_keyframe_is_replaced_by_the_pass_from_the_other_side() {
 
 #[test]
 fn mask_area_between_keyframes_is_interpolated() {
-    let film = Film::new(21, &two_disks(), 0..0);
-    let mut request = film.request(&[0, 20]);
+    let video = Video::new(21, &two_disks(), 0..0);
+    let mut request = video.request(&[0, 20]);
     // The second keyframe shows a larger object than the first.
-    let grown = film.truth[20].region(LEFT).dilated(3.0);
-    let mask = Arc::make_mut(request.anchors.get_mut(&20).unwrap());
+    let grown = video.truth[20].region(LEFT).dilated(3.0);
+    let mask = Arc::make_mut(request.keyframes.get_mut(&20).unwrap());
     mask.ids
         .iter_mut()
         .zip(&grown.inside)
         .filter(|(_, inside)| **inside)
         .for_each(|(id, _)| *id = LEFT);
-    let (tracked, _) = told(&request);
+    let (tracked, _) = reported(&request);
     let area = |frame: usize| tracked[&frame].mask.region(LEFT).area();
-    let ends = (film.truth[0].region(LEFT).area(), grown.area());
+    let ends = (video.truth[0].region(LEFT).area(), grown.area());
     for frame in 1..20 {
         assert!(
             (ends.0 * 9 / 10..=ends.1 * 5 / 4).contains(&area(frame)),
@@ -154,7 +154,7 @@ fn mask_area_between_keyframes_is_interpolated() {
             area(frame)
         );
         assert!(
-            film.iou(&tracked, frame, RIGHT) > 0.85,
+            video.iou(&tracked, frame, RIGHT) > 0.85,
             "the other object stays in frame {frame}"
         );
     }
@@ -166,7 +166,7 @@ fn mask_area_between_keyframes_is_interpolated() {
 }
 
 /// A disk as the result of one pass.
-fn walked(x: f32, y: f32, radius: f32, sure: f32) -> WalkedFrame {
+fn walked(x: f32, y: f32, radius: f32, confidence: f32) -> WalkedFrame {
     let inside = |at: usize| {
         Vec2::new((at % 40) as f32, (at / 40) as f32).distance(Vec2::new(x, y)) < radius
     };
@@ -179,7 +179,7 @@ fn walked(x: f32, y: f32, radius: f32, sure: f32) -> WalkedFrame {
             height: 30,
             ids,
         },
-        confidence: BTreeMap::from([(LEFT, sure)]),
+        confidence: BTreeMap::from([(LEFT, confidence)]),
     }
 }
 
@@ -195,9 +195,9 @@ proptest! {
     /// Pixels in both passes stay, whatever the confidences, and the nearer pass counts more.
     #[test]
     fn merged_mask_lies_between_both_outlines(
-        x in 12.0f32..20.0, y in 10.0f32..20.0, shift in 0.0f32..6.0, radius in 4.0f32..9.0, sure in 0.0f32..1.0,
+        x in 12.0f32..20.0, y in 10.0f32..20.0, shift in 0.0f32..6.0, radius in 4.0f32..9.0, confidence in 0.0f32..1.0,
     ) {
-        let (a, b) = (walked(x, y, radius, 0.8), walked(x + shift, y, radius, sure));
+        let (a, b) = (walked(x, y, radius, 0.8), walked(x + shift, y, radius, confidence));
         let region = |walked: &WalkedFrame| -> Region { walked.mask.region(LEFT) };
         let (in_a, in_b) = (region(&a), region(&b));
         for nearness in [0.1, 0.5, 0.9] {

@@ -7,7 +7,7 @@ use super::super::XMem;
 use super::{networks, tiny};
 use ostra_compute::nn::NnError;
 use ostra_core::job::Progress;
-use ostra_frames::{Frame, FrameStore, Image, Orientation, PictureSource};
+use ostra_frames::{Frame, FrameStore, Image, ImageSource, Orientation};
 use ostra_masks::{Direction, LabelId, LabelMask, MaskError, TrackRequest, Tracker};
 
 const SIDE: u32 = 64;
@@ -30,7 +30,7 @@ fn small() -> XMem {
 }
 
 /// Draws moving waves.
-fn picture(at: u32) -> Image {
+fn image(at: u32) -> Image {
     let wave = |x: u32, y: u32, by: u32| {
         (127.0 + 120.0 * ((x * by + 3 * y + 2 * at) as f32 / 9.0).sin()) as u8
     };
@@ -64,11 +64,11 @@ fn twelve_labels_are_tracked_in_any_order() {
     let progress = Progress::default();
     let follow = |mask: &LabelMask| {
         let mut pass = xmem.pass(&progress);
-        pass.remember(&picture(0), mask).unwrap();
+        pass.remember(&image(0), mask).unwrap();
         for at in 1..7 {
-            pass.propagate(&picture(at)).unwrap();
+            pass.propagate(&image(at)).unwrap();
         }
-        pass.propagate(&picture(7)).unwrap()
+        pass.propagate(&image(7)).unwrap()
     };
     let (forth, back) = (follow(&boxes(1..=12)), follow(&boxes((1..=12).rev())));
     assert_eq!(forth.labels, (1..=12).map(LabelId).collect::<Vec<_>>());
@@ -93,7 +93,7 @@ fn memory_is_bounded_and_later_labels_have_their_own_group() {
     let xmem = small();
     let progress = Progress::default();
     let mut pass = xmem.pass(&progress);
-    pass.remember(&picture(0), &boxes(1..=2)).unwrap();
+    pass.remember(&image(0), &boxes(1..=2)).unwrap();
     let cells = (SIDE / 16 * SIDE / 16) as usize;
     for at in 1..100 {
         if at == 9 {
@@ -103,11 +103,11 @@ fn memory_is_bounded_and_later_labels_have_their_own_group() {
                 .iter_mut()
                 .filter(|id| id.0 < 3)
                 .for_each(|id| *id = LabelId::NONE);
-            pass.remember(&picture(at), &later).unwrap();
+            pass.remember(&image(at), &later).unwrap();
             assert_eq!(pass.sizes()[1], (cells, 0));
             continue;
         }
-        let answer = pass.propagate(&picture(at)).unwrap();
+        let answer = pass.propagate(&image(at)).unwrap();
         assert_eq!(answer.labels.len(), if at < 9 { 2 } else { 3 });
         for (working, long_term) in pass.sizes() {
             assert!(
@@ -130,13 +130,13 @@ fn video_is_tracked_and_stopped() {
     let xmem = small();
     let folder = tempfile::tempdir().unwrap();
     let frame = |at: u32| {
-        let (path, image) = (folder.path().join(format!("{at}.png")), picture(at));
+        let (path, image) = (folder.path().join(format!("{at}.png")), image(at));
         let bytes = image.pixels.into_flattened();
         image::RgbImage::from_raw(SIDE, SIDE, bytes)
             .unwrap()
             .save(&path)
             .unwrap();
-        let picture = PictureSource::File {
+        let image = ImageSource::File {
             path,
             orientation: Orientation::default(),
         };
@@ -144,7 +144,7 @@ fn video_is_tracked_and_stopped() {
             name: at.to_string(),
             width: SIDE,
             height: SIDE,
-            picture,
+            image,
             depth: None,
             camera: None,
         }
@@ -152,7 +152,7 @@ fn video_is_tracked_and_stopped() {
     let request = TrackRequest {
         frames: Arc::new((0..6).map(frame).collect()),
         store: Arc::new(FrameStore::new(1 << 20)),
-        anchors: BTreeMap::from([(2, Arc::new(boxes([7, 4].into_iter())))]),
+        keyframes: BTreeMap::from([(2, Arc::new(boxes([7, 4].into_iter())))]),
         from: 0,
         to: 5,
         direction: Direction::Both,
@@ -173,8 +173,8 @@ fn video_is_tracked_and_stopped() {
     );
     let progress = Progress::default();
     let mut pass = xmem.pass(&progress);
-    pass.remember(&picture(2), &request.anchors[&2]).unwrap();
-    let answer = pass.propagate(&picture(3)).unwrap();
+    pass.remember(&image(2), &request.keyframes[&2]).unwrap();
+    let answer = pass.propagate(&image(3)).unwrap();
     let area = (SIDE * SIDE) as usize;
     for (at, id) in given[0].mask.ids.iter().enumerate() {
         let place = answer
@@ -195,7 +195,7 @@ fn video_is_tracked_and_stopped() {
     }
     progress.stop();
     assert!(matches!(
-        pass.propagate(&picture(4)),
+        pass.propagate(&image(4)),
         Err(MaskError::Stopped(_))
     ));
 }
@@ -206,7 +206,7 @@ fn networks_in_the_wrong_order_are_rejected() {
     let _ = small();
     let runtime = ostra_compute::nn::Runtime::find().unwrap();
     let [key, value, decoder] = files();
-    for (order, told) in [
+    for (order, reported) in [
         ([&value, &key, &decoder], "image"),
         ([&key, &decoder, &value], "others"),
     ] {
@@ -219,7 +219,7 @@ fn networks_in_the_wrong_order_are_rejected() {
             matches!(error, NnError::Mismatch { .. }) && !text.contains('\n'),
             "{text}"
         );
-        assert!(text.contains(told), "{text}");
+        assert!(text.contains(reported), "{text}");
     }
     let text = XMem::load(&tiny()).unwrap_err().to_string();
     assert!(

@@ -26,7 +26,7 @@ struct Reference {
     width: u32,
     height: u32,
     side: u32,
-    pictures: String,
+    images: String,
     tensors: BTreeMap<String, Place>,
     cases: Vec<Case>,
 }
@@ -117,14 +117,14 @@ impl Folder {
         xmem
     }
 
-    fn pictures(&self) -> Vec<Image> {
+    fn images(&self) -> Vec<Image> {
         let (width, height) = (self.reference.width, self.reference.height);
-        let strip = image::open(self.path.join(&self.reference.pictures))
+        let strip = image::open(self.path.join(&self.reference.images))
             .unwrap()
             .to_rgb8();
         let pixels: Vec<[u8; 3]> = strip.pixels().map(|pixel| pixel.0).collect();
-        let pictures = pixels.chunks_exact((width * height) as usize);
-        pictures
+        let images = pixels.chunks_exact((width * height) as usize);
+        images
             .map(|pixels| Image {
                 width,
                 height,
@@ -155,7 +155,7 @@ impl Folder {
     }
 
     /// Tracks a case through images.
-    fn follow(&self, xmem: &XMem, case: &Case, pictures: &[Image]) -> Differences {
+    fn follow(&self, xmem: &XMem, case: &Case, images: &[Image]) -> Differences {
         let progress = Progress::default();
         let mut pass = xmem.pass(&progress);
         let (given, expected) = (self.masks(&case.given_masks), self.masks(&case.masks));
@@ -165,12 +165,12 @@ impl Folder {
             covers: (1.0, 0.0),
             sizes: Vec::new(),
         };
-        for (at, picture) in pictures.iter().enumerate() {
-            if let Some(told) = case.given.iter().position(|&frame| frame == at) {
-                pass.remember(picture, &given[told]).unwrap();
+        for (at, image) in images.iter().enumerate() {
+            if let Some(reported) = case.given.iter().position(|&frame| frame == at) {
+                pass.remember(image, &given[reported]).unwrap();
                 continue;
             }
-            let answer = pass.propagate(picture).unwrap();
+            let answer = pass.propagate(image).unwrap();
             let equal = found.compare(&labels(&answer), &expected[at].ids, answer.labels.len());
             print!("frame {at}: {equal:.5} of the pixels are equal");
             if let Some(known) = case.probabilities.iter().find(|known| known.frame == at) {
@@ -258,12 +258,9 @@ fn folder() -> Folder {
 }
 
 /// Returns the largest difference of the key encoder's outputs for an image.
-fn encoded(folder: &Folder, xmem: &XMem, picture: &Image) -> f64 {
-    let fit = Fit::new(picture.width, picture.height, xmem.options.short_side);
-    let seen = xmem
-        .networks
-        .see(picture, fit, &Progress::default())
-        .unwrap();
+fn encoded(folder: &Folder, xmem: &XMem, image: &Image) -> f64 {
+    let fit = Fit::new(image.width, image.height, xmem.options.short_side);
+    let seen = xmem.networks.see(image, fit, &Progress::default()).unwrap();
     let mut largest = 0.0f64;
     for (name, place) in &folder.reference.tensors {
         let expected = folder.tensor(place);
@@ -293,11 +290,11 @@ fn encoded(folder: &Folder, xmem: &XMem, picture: &Image) -> f64 {
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
 fn tracking_matches_the_official_code() {
     let folder = folder();
-    let pictures = folder.pictures();
+    let images = folder.images();
     for case in &folder.reference.cases {
         let xmem = folder.networks(case);
-        assert!(encoded(&folder, &xmem, &pictures[0]) < OF_TENSOR);
-        let found = folder.follow(&xmem, case, &pictures);
+        assert!(encoded(&folder, &xmem, &images[0]) < OF_TENSOR);
+        let found = folder.follow(&xmem, case, &images);
         println!("{}: {found:?}", case.name);
         assert!(found.is_same(), "{}: {found:?}", case.name);
         assert!(
@@ -320,7 +317,7 @@ fn faults_are_detected() {
     let folder = Folder::open(&tiny());
     let case = &folder.reference.cases[0];
     let mut xmem = folder.networks(case);
-    let right = folder.pictures();
+    let right = folder.images();
     let changed = |change: &dyn Fn(&Image, usize) -> [u8; 3]| -> Vec<Image> {
         let image = |of: &Image| Image {
             pixels: (0..of.pixels.len()).map(|at| change(of, at)).collect(),

@@ -21,7 +21,7 @@ impl Tracker for Thief {
         _: &Progress,
     ) -> Result<Vec<String>, MaskError> {
         for frame in
-            (request.from..=request.to).filter(|frame| !request.anchors.contains_key(frame))
+            (request.from..=request.to).filter(|frame| !request.keyframes.contains_key(frame))
         {
             let mut mask = self.truth[&frame].decode();
             let stolen = |at: usize| request.labels.is_none() && at % mask.width as usize == 52;

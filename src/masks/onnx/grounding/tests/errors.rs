@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::super::GroundingDino;
-use super::{network, phrases, picture, runtime, tiny};
+use super::{image, network, phrases, runtime, tiny};
 use crate::{GroundRequest, MaskError, TextGrounder};
 use ostra_compute::nn::Network;
 use ostra_core::job::Progress;
@@ -36,7 +36,7 @@ fn invalid_requests_are_errors_of_one_line() {
         (&narrow, &["cat"], "2×4000"),
         (&empty, &["cat"], "empty"),
     ];
-    for (image, words, told) in asked {
+    for (image, words, reported) in asked {
         let words = phrases(words);
         let request = GroundRequest {
             phrases: &words,
@@ -46,7 +46,7 @@ fn invalid_requests_are_errors_of_one_line() {
             .ground(image, &request, &Progress::default())
             .unwrap_err()
             .to_string();
-        assert!(text.contains(told) && !text.contains('\n'), "{text}");
+        assert!(text.contains(reported) && !text.contains('\n'), "{text}");
     }
     assert_eq!((dino.name(), dino.vocabulary()), ("grounding-dino", None));
 }
@@ -74,9 +74,9 @@ fn other_networks_and_vocabularies_are_rejected() {
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
 fn stopped_run_returns_no_answer() {
     let dino = network(&tiny(), "grounding-tiny.onnx");
-    let (image, stopped) = (picture(&tiny().join("frame-0.png")), Progress::default());
+    let (image, stopped) = (image(&tiny().join("frame-0.png")), Progress::default());
     stopped.stop();
-    let found = dino.look(&image, &phrases(&["cat"]), &stopped);
+    let found = dino.detect(&image, &phrases(&["cat"]), &stopped);
     assert!(matches!(found, Err(MaskError::Stopped(_))), "{found:?}");
 }
 
@@ -84,22 +84,22 @@ fn stopped_run_returns_no_answer() {
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
 fn new_threshold_reuses_the_last_answer() {
     let dino = network(&tiny(), "grounding-tiny.onnx");
-    let image = picture(&tiny().join("frame-1.png"));
-    let look = |image: &Image, words: &[&str]| {
-        dino.look(image, &phrases(words), &Progress::default())
+    let image = image(&tiny().join("frame-1.png"));
+    let detect = |image: &Image, words: &[&str]| {
+        dino.detect(image, &phrases(words), &Progress::default())
             .unwrap()
     };
-    let first = look(&image, &["leaf"]);
+    let first = detect(&image, &["leaf"]);
     assert!(
-        Arc::ptr_eq(&first, &look(&image, &["leaf"])),
-        "the same picture and phrase"
+        Arc::ptr_eq(&first, &detect(&image, &["leaf"])),
+        "the same image and phrase"
     );
     let mut other = image.clone();
     other.pixels.iter_mut().for_each(|pixel| pixel.reverse());
-    let second = look(&other, &["leaf"]);
-    assert!(second.boxes != first.boxes, "another picture");
+    let second = detect(&other, &["leaf"]);
+    assert!(second.boxes != first.boxes, "another image");
     assert!(
-        look(&other, &["cat"]).caption != second.caption,
+        detect(&other, &["cat"]).caption != second.caption,
         "another phrase"
     );
     let all = first.above(0.0);

@@ -25,12 +25,12 @@ fn network(folder: &Path, name: &str) -> GroundingDino {
     GroundingDino::new(network, &vocabulary).unwrap()
 }
 
-fn picture(path: &Path) -> Image {
-    let picture = image::open(path).unwrap().to_rgb8();
-    let pixels = picture.pixels().map(|pixel| pixel.0).collect();
+fn image(path: &Path) -> Image {
+    let image = image::open(path).unwrap().to_rgb8();
+    let pixels = image.pixels().map(|pixel| pixel.0).collect();
     Image {
-        width: picture.width(),
-        height: picture.height(),
+        width: image.width(),
+        height: image.height(),
         pixels,
     }
 }

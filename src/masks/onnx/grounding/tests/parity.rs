@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 use super::super::GroundingDino;
-use super::{network, picture, tiny};
+use super::{image, network, tiny};
 use ostra_core::job::Progress;
 use ostra_frames::Image;
 
@@ -25,7 +25,7 @@ struct Reference {
 
 #[derive(Deserialize)]
 struct FrameReference {
-    picture: String,
+    image: String,
     cases: Vec<Case>,
 }
 
@@ -72,7 +72,7 @@ impl Folder {
 }
 
 /// Returns the largest difference in each row, ascending; a row may be shifted by `beside` places.
-fn by_rows(expected: &[f32], found: &[f32], width: usize, beside: usize) -> Vec<f64> {
+fn by_rows(expected: &[f32], found: &[f32], width: usize, adjacent: usize) -> Vec<f64> {
     assert_eq!(expected.len(), found.len());
     let found: Vec<&[f32]> = found.chunks_exact(width).collect();
     let apart = |a: &[f32], b: &[f32]| {
@@ -82,7 +82,7 @@ fn by_rows(expected: &[f32], found: &[f32], width: usize, beside: usize) -> Vec<
             .fold(0.0, f64::max)
     };
     let row = |(at, expected): (usize, &[f32])| {
-        let near = &found[at.saturating_sub(beside)..found.len().min(at + beside + 1)];
+        let near = &found[at.saturating_sub(adjacent)..found.len().min(at + adjacent + 1)];
         near.iter()
             .map(|found| apart(expected, found))
             .fold(f64::INFINITY, f64::min)
@@ -115,10 +115,10 @@ fn compare(
     case: &Case,
     dino: &GroundingDino,
     image: &Image,
-    beside: usize,
+    adjacent: usize,
 ) -> Difference {
     let answer = dino
-        .look(image, &case.phrases, &Progress::default())
+        .detect(image, &case.phrases, &Progress::default())
         .unwrap();
     let (logits, tokens) = (folder.tensor(&case.logits), answer.caption.ids.len());
     let scores = |logits: &[f32]| {
@@ -129,9 +129,9 @@ fn compare(
     };
     let spread = deviation(logits);
     Difference {
-        boxes: by_rows(folder.tensor(&case.boxes), &answer.boxes, 4, beside),
-        scores: by_rows(&scores(logits), &scores(&answer.logits), tokens, beside),
-        logits: by_rows(logits, &answer.logits, tokens, beside)
+        boxes: by_rows(folder.tensor(&case.boxes), &answer.boxes, 4, adjacent),
+        scores: by_rows(&scores(logits), &scores(&answer.logits), tokens, adjacent),
+        logits: by_rows(logits, &answer.logits, tokens, adjacent)
             .iter()
             .map(|one| one / spread)
             .collect(),
@@ -143,13 +143,13 @@ fn compare(
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
 fn boxes_and_scores_match_the_reference() {
     let named = std::env::var_os("OSTRA_PARITY_GROUNDING").map(PathBuf::from);
-    let beside = if named.is_some() { SWAPPED } else { 0 };
+    let adjacent = if named.is_some() { SWAPPED } else { 0 };
     let folder = Folder::open(&named.unwrap_or_else(tiny));
     let dino = network(&folder.path, &folder.reference.network);
     for of in &folder.reference.frames {
-        let image = picture(&folder.path.join(&of.picture));
+        let image = image(&folder.path.join(&of.image));
         for case in &of.cases {
-            let found = compare(&folder, case, &dino, &image, beside);
+            let found = compare(&folder, case, &dino, &image, adjacent);
             let [boxes, scores, logits] =
                 [&found.boxes, &found.scores, &found.logits].map(|rows| rows[rows.len() - 1]);
             let [of_boxes, of_logits] =
@@ -157,14 +157,14 @@ fn boxes_and_scores_match_the_reference() {
             println!(
                 "{} {:?}: {} boxes {boxes:.1e}, scores {scores:.1e}, logits {logits:.1e} deviations; deviation of boxes \
                  {of_boxes:.2}, of logits {of_logits:.2}",
-                of.picture,
+                of.image,
                 case.phrases,
                 found.boxes.len()
             );
             assert!(
                 boxes < TOLERANCE && scores < TOLERANCE && logits < TOLERANCE,
                 "{}",
-                of.picture
+                of.image
             );
             assert!(
                 of_boxes > 0.1 && of_logits > 0.05,
@@ -180,7 +180,7 @@ fn swapped_channels_and_half_pixel_shifts_are_detected() {
     let folder = Folder::open(&tiny());
     let dino = network(&folder.path, &folder.reference.network);
     let of = &folder.reference.frames[0];
-    let right = picture(&folder.path.join(&of.picture));
+    let right = image(&folder.path.join(&of.image));
     let swapped = Image {
         pixels: right.pixels.iter().map(|&[r, g, b]| [b, g, r]).collect(),
         ..right.clone()

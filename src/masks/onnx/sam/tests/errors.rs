@@ -26,10 +26,10 @@ fn networks_that_do_not_belong_together_are_rejected() {
         (encoder, encoder, "`image_embeddings`"),
         (decoder, decoder, "`image` f32 [1, 3, 256, 256]"),
     ];
-    for (first, second, told) in cases {
+    for (first, second, reported) in cases {
         let text = Sam::new(load(first), load(second)).unwrap_err().to_string();
         assert!(
-            text.contains(told) && text.contains("another network") && !text.contains('\n'),
+            text.contains(reported) && text.contains("another network") && !text.contains('\n'),
             "{text}"
         );
     }
@@ -90,7 +90,7 @@ fn stored_embedding_is_read_back_unchanged() {
     let flat = flat();
     let text = flat.frame(&embedding).unwrap_err().to_string();
     assert!(
-        text.contains("32×16×16") && text.contains("make it anew"),
+        text.contains("32×16×16") && text.contains("make it again"),
         "{text}"
     );
 }

@@ -25,7 +25,7 @@ struct Reference {
 
 #[derive(Deserialize)]
 struct FrameReference {
-    picture: String,
+    image: String,
     embedding: Place,
     cases: Vec<Case>,
 }
@@ -77,12 +77,12 @@ impl Folder {
         networks(&self.path, &self.reference.encoder, &self.reference.decoder)
     }
 
-    fn picture(&self, name: &str) -> Image {
-        let picture = image::open(self.path.join(name)).unwrap().to_rgb8();
-        let pixels = picture.pixels().map(|pixel| pixel.0).collect();
+    fn image(&self, name: &str) -> Image {
+        let image = image::open(self.path.join(name)).unwrap().to_rgb8();
+        let pixels = image.pixels().map(|pixel| pixel.0).collect();
         Image {
-            width: picture.width(),
-            height: picture.height(),
+            width: image.width(),
+            height: image.height(),
             pixels,
         }
     }
@@ -182,10 +182,9 @@ fn all_tensors_match_the_reference() {
     for folder in folders() {
         let sam = folder.networks();
         for of in &folder.reference.frames {
-            let (embedded, answered) =
-                compare(&folder, of, &sam, &folder.picture(&of.picture), 0.0);
+            let (embedded, answered) = compare(&folder, of, &sam, &folder.image(&of.image), 0.0);
             let covers: Vec<f64> = of.cases.iter().map(|case| case.covers).collect();
-            let what = format!("{}, {}", folder.reference.encoder, of.picture);
+            let what = format!("{}, {}", folder.reference.encoder, of.image);
             println!(
                 "{what}: embedding {embedded:.1e}, answers {answered:.1e}; masks cover {covers:.2?}"
             );
@@ -208,7 +207,7 @@ fn swapped_channels_and_half_pixel_shifts_are_detected() {
         let folder = Folder::open(&committed);
         let sam = folder.networks();
         let of = &folder.reference.frames[0];
-        let right = folder.picture(&of.picture);
+        let right = folder.image(&of.image);
         let swapped = Image {
             pixels: right.pixels.iter().map(|&[r, g, b]| [b, g, r]).collect(),
             ..right.clone()
@@ -229,7 +228,7 @@ fn swapped_channels_and_half_pixel_shifts_are_detected() {
         let (embedded, _) = compare(&folder, of, &sam, &shifted, 0.0);
         assert!(
             embedded > 10.0 * TOLERANCE,
-            "the picture half a pixel to the left: {embedded}"
+            "the image half a pixel to the left: {embedded}"
         );
         let (_, answered) = compare(&folder, of, &sam, &right, 0.5);
         assert!(

@@ -18,7 +18,7 @@ const RED: [u32; 4] = [32, 32, 80, 96];
 const GREEN: [u32; 4] = [144, 48, 208, 112];
 
 /// Returns an image of two objects on a grey background.
-fn picture() -> Image {
+fn image() -> Image {
     let colour = |x: u32, y: u32| {
         let is_in = |[x0, y0, x1, y1]: [u32; 4]| (x0..x1).contains(&x) && (y0..y1).contains(&y);
         if is_in(RED) {
@@ -69,7 +69,7 @@ fn around([x0, y0, x1, y1]: [u32; 4]) -> PxBox {
 }
 
 fn frame(sam: &Sam, part: Part) -> SamFrame {
-    sam.frame(&sam.embed(&picture(), part, &Progress::default()).unwrap())
+    sam.frame(&sam.embed(&image(), part, &Progress::default()).unwrap())
         .unwrap()
 }
 

@@ -1,13 +1,13 @@
 use glam::Vec3;
 
-use super::room::{Room, VOXEL, moved};
+use super::room::{SyntheticRoom, VOXEL, moved};
 use crate::rgbd::register::fpfh::describe;
 use crate::rgbd::register::{DescribedCloud, OrientedCloud};
 use ostra_core::job::Progress;
 
 #[test]
 fn descriptors_are_invariant_to_rigid_motion_and_distinguish_places() {
-    let (source, _, pose) = Room::pair(3, 300.0);
+    let (source, _, pose) = SyntheticRoom::pair(3, 300.0);
     let cloud = source.thinned(VOXEL);
     let here = describe(&cloud, VOXEL, &Progress::default()).unwrap();
     let there = describe(&moved(&cloud, &pose), VOXEL, &Progress::default()).unwrap();
@@ -27,7 +27,7 @@ fn descriptors_are_invariant_to_rigid_motion_and_distinguish_places() {
 
 #[test]
 fn bins_of_each_angle_have_a_fixed_sum() {
-    let cloud = Room::new(1).scan(0.0, 1.0, 200.0).thinned(VOXEL);
+    let cloud = SyntheticRoom::new(1).scan(0.0, 1.0, 200.0).thinned(VOXEL);
     for descriptor in describe(&cloud, VOXEL, &Progress::default())
         .unwrap()
         .iter()
@@ -41,7 +41,7 @@ fn bins_of_each_angle_have_a_fixed_sum() {
 
 #[test]
 fn points_without_normal_or_neighbours_have_no_descriptor() {
-    let mut cloud = Room::new(1).scan(0.0, 1.0, 200.0).thinned(VOXEL);
+    let mut cloud = SyntheticRoom::new(1).scan(0.0, 1.0, 200.0).thinned(VOXEL);
     cloud.normals[5] = Vec3::ZERO;
     cloud.positions[9] = Vec3::splat(50.0);
     let found = describe(&cloud, VOXEL, &Progress::default()).unwrap();
@@ -59,5 +59,12 @@ fn invalid_clouds_are_refused_and_a_stop_ends_the_work() {
     assert!(DescribedCloud::new(&OrientedCloud::default(), 0.0, &progress).is_err());
     assert!(DescribedCloud::new(&OrientedCloud::default(), VOXEL, &progress).is_ok());
     progress.stop();
-    assert!(DescribedCloud::new(&Room::new(1).scan(0.0, 1.0, 50.0), VOXEL, &progress).is_err());
+    assert!(
+        DescribedCloud::new(
+            &SyntheticRoom::new(1).scan(0.0, 1.0, 50.0),
+            VOXEL,
+            &progress
+        )
+        .is_err()
+    );
 }

@@ -1,4 +1,4 @@
-use super::room::{Room, VOXEL, error};
+use super::room::{SyntheticRoom, VOXEL, error};
 use crate::rgbd::register::{
     DescribedCloud, GlobalAlignment, GlobalOptions, GlobalRegistration, OrientedCloud,
     register_globally,
@@ -22,7 +22,7 @@ fn register(
 #[test]
 fn both_methods_recover_any_pose() {
     for seed in 0..20 {
-        let (source, target, truth) = Room::pair(seed, 250.0);
+        let (source, target, truth) = SyntheticRoom::pair(seed, 250.0);
         let [source, target] = [described(&source), described(&target)];
         for method in METHODS {
             let found = register(
@@ -51,8 +51,8 @@ fn both_methods_recover_any_pose() {
 #[test]
 fn different_rooms_are_refused() {
     for seed in 0..6 {
-        let [source, target] =
-            [seed, seed + 100].map(|seed| described(&Room::new(seed).scan(0.0, 0.7, 250.0)));
+        let [source, target] = [seed, seed + 100]
+            .map(|seed| described(&SyntheticRoom::new(seed).scan(0.0, 0.7, 250.0)));
         for method in METHODS {
             let found = register(
                 &source,
@@ -70,7 +70,7 @@ fn different_rooms_are_refused() {
 
 #[test]
 fn the_same_seed_gives_the_same_bytes_for_any_number_of_threads() {
-    let (source, target, _) = Room::pair(5, 250.0);
+    let (source, target, _) = SyntheticRoom::pair(5, 250.0);
     for method in METHODS {
         let options = GlobalOptions {
             method,
@@ -95,7 +95,7 @@ fn the_same_seed_gives_the_same_bytes_for_any_number_of_threads() {
 
 #[test]
 fn empty_clouds_give_none_and_invalid_requests_are_errors() {
-    let (source, target, _) = Room::pair(1, 100.0);
+    let (source, target, _) = SyntheticRoom::pair(1, 100.0);
     let nothing = described(&OrientedCloud::default());
     for method in METHODS {
         let options = GlobalOptions {

@@ -2,7 +2,7 @@ use glam::{DQuat, DVec3, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::room::{Room, VOXEL, error, moved};
+use super::room::{SyntheticRoom, VOXEL, error, moved};
 use crate::rgbd::register::{OrientedCloud, RefineOptions, Refined, refine_registration};
 use ostra_core::job::Progress;
 use ostra_geometry::Pose;
@@ -31,7 +31,7 @@ fn off(truth: &Pose, degrees: f64, shift: f64) -> Pose {
 #[test]
 fn rough_pose_becomes_exact_with_and_without_brightness() {
     for seed in 0..4 {
-        let (source, target, truth) = Room::pair(seed, 2500.0);
+        let (source, target, truth) = SyntheticRoom::pair(seed, 2500.0);
         for lambda_geometric in [1.0, 0.968] {
             let options = RefineOptions {
                 lambda_geometric,
@@ -48,7 +48,7 @@ fn rough_pose_becomes_exact_with_and_without_brightness() {
                 "{found:?}"
             );
             assert!(
-                found.firmness > 0.04 && found.correlation.unwrap() > 0.95,
+                found.observability > 0.04 && found.correlation.unwrap() > 0.95,
                 "{found:?}"
             );
         }
@@ -93,7 +93,7 @@ fn wall_slides_unless_brightness_constrains_it() {
     )
     .unwrap();
     assert!(
-        plain.target_from_source.translation.x > 0.02 && plain.firmness < 1e-3,
+        plain.target_from_source.translation.x > 0.02 && plain.observability < 1e-3,
         "{plain:?}"
     );
     let found = refine([&source, &target], &start, &OPTIONS).unwrap();
@@ -107,16 +107,16 @@ fn wall_slides_unless_brightness_constrains_it() {
 
 #[test]
 fn misaligned_brightness_does_no_harm() {
-    let (mut source, target, truth) = Room::pair(2, 2500.0);
+    let (mut source, target, truth) = SyntheticRoom::pair(2, 2500.0);
     let shift = Pose {
         translation: DVec3::new(0.05, 0.02, -0.04),
         ..Pose::IDENTITY
     };
-    let beside = moved(&target, &shift);
-    let tree = ostra_cloud::points::Neighbours::new(&beside.positions).unwrap();
+    let adjacent = moved(&target, &shift);
+    let tree = ostra_cloud::points::Neighbours::new(&adjacent.positions).unwrap();
     for (place, intensity) in source.positions.iter().zip(&mut source.intensities) {
         *intensity =
-            beside.intensities[tree.nearest(truth.transform(place.as_dvec3()).as_vec3()).0];
+            adjacent.intensities[tree.nearest(truth.transform(place.as_dvec3()).as_vec3()).0];
     }
     let found = refine([&source, &target], &off(&truth, 1.0, 0.03), &OPTIONS).unwrap();
     let (turn, shift) = error(&found.target_from_source, &truth);
@@ -125,7 +125,7 @@ fn misaligned_brightness_does_no_harm() {
 
 #[test]
 fn information_is_the_sum_of_squared_point_motions() {
-    let (source, target, truth) = Room::pair(4, 300.0);
+    let (source, target, truth) = SyntheticRoom::pair(4, 300.0);
     let found = refine([&source, &target], &truth, &OPTIONS).unwrap();
     let count = found.information[3][3];
     assert_eq!(
@@ -145,7 +145,7 @@ fn information_is_the_sum_of_squared_point_motions() {
 
 #[test]
 fn refinement_does_not_depend_on_the_number_of_threads() {
-    let (source, target, truth) = Room::pair(6, 400.0);
+    let (source, target, truth) = SyntheticRoom::pair(6, 400.0);
     let run = || refine([&source, &target], &off(&truth, 1.0, 0.03), &OPTIONS);
     let alone = rayon::ThreadPoolBuilder::new()
         .num_threads(1)
@@ -164,7 +164,7 @@ fn refinement_does_not_depend_on_the_number_of_threads() {
 
 #[test]
 fn nan_brightness_is_ignored() {
-    let (mut source, mut target, truth) = Room::pair(3, 400.0);
+    let (mut source, mut target, truth) = SyntheticRoom::pair(3, 400.0);
     for intensities in [&mut source.intensities, &mut target.intensities] {
         intensities
             .iter_mut()
@@ -181,7 +181,7 @@ fn nan_brightness_is_ignored() {
 
 #[test]
 fn missing_partners_give_none_and_invalid_input_is_refused() {
-    let (source, target, truth) = Room::pair(1, 100.0);
+    let (source, target, truth) = SyntheticRoom::pair(1, 100.0);
     let far = Pose {
         translation: truth.translation + DVec3::splat(90.0),
         ..truth

@@ -14,12 +14,12 @@ const NOISE: f32 = 0.004;
 struct Patch([Vec3; 3]);
 
 /// Floor, three walls and boxes; another seed gives another room.
-pub struct Room {
+pub struct SyntheticRoom {
     patches: Vec<Patch>,
     random: Pcg64Mcg,
 }
 
-impl Room {
+impl SyntheticRoom {
     pub fn new(seed: u64) -> Self {
         let mut random = Pcg64Mcg::seed_from_u64(seed);
         let (wide, deep, high) = (Vec3::X * 4.2, Vec3::Y * 3.0, Vec3::Z * 1.8);

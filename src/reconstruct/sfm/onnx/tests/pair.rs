@@ -35,8 +35,9 @@ fn mutual(first: &Features, second: &Features) -> Vec<(u32, u32)> {
     };
     let back: Vec<usize> = second.iter().map(|row| nearest(row, &first).0).collect();
     let there = first.iter().map(|row| nearest(row, &second)).enumerate();
-    let sure = there.filter(|&(at, (other, cosine))| cosine > 0.82 && back[other] == at);
-    sure.map(|(at, (other, _))| (at as u32, other as u32))
+    let confidence = there.filter(|&(at, (other, cosine))| cosine > 0.82 && back[other] == at);
+    confidence
+        .map(|(at, (other, _))| (at as u32, other as u32))
         .collect()
 }
 
@@ -78,16 +79,16 @@ fn matches_agree_with_the_true_geometry() {
             .copied()
             .filter(|&error| error < 2.0)
             .collect();
-        let told = format!(
+        let reported = format!(
             "{name}: {} matches, {} within 2 px, median of all {}",
             errors.len(),
             near.len(),
             errors[errors.len() / 2]
         );
-        println!("{told}");
+        println!("{reported}");
         assert!(
             near.len() >= least && share_within(&errors, 2.0) > 0.6,
-            "{told}"
+            "{reported}"
         );
         assert!(
             near[near.len() / 2] < 0.35,
@@ -188,9 +189,9 @@ fn images_with_few_first_matches_are_not_matched_further() {
     let xfeat = xfeat(&models, XFeatOptions::default());
     let [first, second] =
         [0, 3].map(|index| features(&xfeat, &View::read(&data.join("dtu_scan24"), index)));
-    let matched = |first_look: usize| {
+    let matched = |first_keypoints: usize| {
         let options = LighterGlueOptions {
-            first_look,
+            first_keypoints,
             ..Default::default()
         };
         LighterGlue::load(&models, options)
@@ -201,7 +202,7 @@ fn images_with_few_first_matches_are_not_matched_further() {
     let whole = matched(LighterGlueOptions::default().most);
     assert!(whole.len() > 20, "{}", whole.len());
     assert_eq!(
-        matched(LighterGlueOptions::default().first_look),
+        matched(LighterGlueOptions::default().first_keypoints),
         whole,
         "they overlap"
     );

@@ -25,7 +25,7 @@ struct Reference {
 
 #[derive(Deserialize)]
 struct FrameReference {
-    picture: String,
+    image: String,
     /// Positions are in pixels from the centre of the first pixel.
     keypoints: Place,
     scores: Place,
@@ -66,7 +66,7 @@ impl Folder {
         };
         let points = SuperPoint::of_network(load(&reference.points), points).unwrap();
         let glue = SuperGlueOptions {
-            first_look: most,
+            first_keypoints: most,
             ..SuperGlueOptions::default()
         };
         let glue = SuperGlue::of_network(load(&reference.glue), glue);
@@ -79,14 +79,14 @@ impl Folder {
         }
     }
 
-    fn picture(&self, at: usize) -> Image {
-        let picture = image::open(self.path.join(&self.reference.frames[at].picture))
+    fn image(&self, at: usize) -> Image {
+        let image = image::open(self.path.join(&self.reference.frames[at].image))
             .unwrap()
             .to_rgb8();
-        let pixels = picture.pixels().map(|pixel| pixel.0).collect();
+        let pixels = image.pixels().map(|pixel| pixel.0).collect();
         Image {
-            width: picture.width(),
-            height: picture.height(),
+            width: image.width(),
+            height: image.height(),
             pixels,
         }
     }
@@ -147,7 +147,7 @@ impl Folder {
 
     /// Returns the reference's results as features.
     fn expected(&self, at: usize) -> Features {
-        let (of, image) = (&self.reference.frames[at], self.picture(at));
+        let (of, image) = (&self.reference.frames[at], self.image(at));
         let place = |at: &[f32]| DVec2::new(f64::from(at[0]), f64::from(at[1])) + 0.5;
         Features {
             width: image.width,
@@ -206,13 +206,13 @@ fn folder() -> Folder {
 fn keypoints_and_descriptors_equal_the_reference() {
     let folder = folder();
     for at in 0..2 {
-        let found = folder.found(&folder.picture(at));
+        let found = folder.found(&folder.image(at));
         let (share, largest) = folder.compare(at, &found);
-        println!("picture {at}: {share:.4} of the keypoints, scores and descriptors {largest:.1e}");
+        println!("image {at}: {share:.4} of the keypoints, scores and descriptors {largest:.1e}");
         // If keypoints are equally strong to the last bits, another one may be the last.
         assert!(
             share >= 0.995 && largest < TOLERANCE,
-            "picture {at}: {share} {largest}"
+            "image {at}: {share} {largest}"
         );
     }
 }
@@ -244,15 +244,15 @@ fn keypoints_have_the_same_partners_as_in_the_reference() {
         expected.len() >= 9 && found == expected,
         "{found:?} {expected:?}"
     );
-    let nobody = first.select(&[]);
-    assert_eq!(folder.glue.matches(&nobody, second).unwrap(), []);
+    let unassigned = first.select(&[]);
+    assert_eq!(folder.glue.matches(&unassigned, second).unwrap(), []);
 }
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
 fn swapped_channels_and_half_pixel_shifts_are_detected() {
     let folder = Folder::open(&tiny());
-    let right = folder.picture(0);
+    let right = folder.image(0);
     let swapped = Image {
         pixels: right.pixels.iter().map(|&[r, g, b]| [b, g, r]).collect(),
         ..right.clone()
@@ -284,7 +284,7 @@ fn swapped_channels_and_half_pixel_shifts_are_detected() {
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
 fn images_of_any_size_have_keypoints_within_them() {
     let folder = Folder::open(&tiny());
-    let image = folder.picture(0);
+    let image = folder.image(0);
     let (width, height) = (91usize, 77usize);
     let luma = image.luma();
     let part: Vec<f32> = luma

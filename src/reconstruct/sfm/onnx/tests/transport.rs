@@ -10,7 +10,7 @@ fn keypoints_go_to_agreeing_ones_and_the_rest_stay_unmatched() {
     assert_eq!(
         Transport::new(&agreement, 2, 12.0, 100).mutual(0.2),
         [],
-        "nobody agrees better"
+        "no pair agrees better"
     );
     let much = agreement.map(|value| 100.0 * value);
     assert_eq!(

@@ -32,11 +32,11 @@ impl View {
         let shift = DVec3::from_array(std::array::from_fn(|row| {
             number(&frame["world_to_cam"][row][3])
         }));
-        let picture = image::open(data.join(frame["image"].as_str().unwrap()))
+        let image = image::open(data.join(frame["image"].as_str().unwrap()))
             .unwrap()
             .into_rgb32f();
-        let (width, height) = (picture.width() as usize, picture.height() as usize);
-        let grey = picture
+        let (width, height) = (image.width() as usize, image.height() as usize);
+        let grey = image
             .pixels()
             .map(|pixel| pixel.0.iter().sum::<f32>() / 3.0)
             .collect();

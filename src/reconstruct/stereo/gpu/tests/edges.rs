@@ -1,14 +1,14 @@
 use std::sync::Arc;
 
-use super::wall::{picture, pictures, task};
+use super::wall::{image, images, task};
 use super::{Engine, assert_equal, card};
 use crate::stereo::StereoError;
-use crate::stereo::patchmatch::{PatchMatchOptions, Picture};
+use crate::stereo::patchmatch::{PatchMatchOptions, PosedImage};
 use ostra_core::job::Progress;
 
-fn assert_same_search(card: &Engine, pictures: &[Arc<Picture>], what: &str) {
+fn assert_same_search(card: &Engine, images: &[Arc<PosedImage>], what: &str) {
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
-    let task = task(pictures, None);
+    let task = task(images, None);
     let gpu = card.search(&task, &options, &progress).unwrap();
     assert_equal(
         card,
@@ -22,14 +22,14 @@ fn assert_same_search(card: &Engine, pictures: &[Arc<Picture>], what: &str) {
 #[ignore = "needs a GPU adapter: add --include-ignored"]
 fn sources_beyond_the_eighth_are_not_used() {
     let card = card();
-    assert_same_search(&card, &pictures(11, (72, 55)), "ten sources");
+    assert_same_search(&card, &images(11, (72, 55)), "ten sources");
 }
 
 #[test]
 #[ignore = "needs a GPU adapter: add --include-ignored"]
 fn one_source_is_enough() {
     let card = card();
-    assert_same_search(&card, &pictures(2, (97, 64)), "one source");
+    assert_same_search(&card, &images(2, (97, 64)), "one source");
 }
 
 /// At the coarsest level only one of them can be compared; with a second that is smaller still, none.
@@ -40,12 +40,12 @@ fn sources_of_other_sizes_are_compared_where_they_reach() {
     let size = (170, 130);
     assert_same_search(
         &card,
-        &[picture(0, size), picture(1, (83, 61)), picture(2, size)],
+        &[image(0, size), image(1, (83, 61)), image(2, size)],
         "a smaller source",
     );
     assert_same_search(
         &card,
-        &[picture(0, size), picture(1, (83, 61)), picture(2, (70, 50))],
+        &[image(0, size), image(1, (83, 61)), image(2, (70, 50))],
         "smaller sources",
     );
 }
@@ -54,10 +54,10 @@ fn sources_of_other_sizes_are_compared_where_they_reach() {
 #[ignore = "needs a GPU adapter: add --include-ignored"]
 fn stop_ends_the_search() {
     let card = card();
-    let (progress, pictures) = (Progress::default(), pictures(2, (72, 55)));
+    let (progress, images) = (Progress::default(), images(2, (72, 55)));
     progress.stop();
     let stopped = card.search(
-        &task(&pictures, None),
+        &task(&images, None),
         &PatchMatchOptions::default(),
         &progress,
     );

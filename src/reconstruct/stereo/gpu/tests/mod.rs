@@ -7,7 +7,7 @@ mod twin;
 mod wall;
 
 use super::Engine;
-use crate::stereo::patchmatch::Found;
+use crate::stereo::patchmatch::PlaneMap;
 use ostra_compute::gpu::{Device, Software};
 
 /// Returns a device with the programs.
@@ -27,7 +27,7 @@ fn least_equal(card: &Engine) -> usize {
     }
 }
 
-fn assert_equal(card: &Engine, cpu: &Found, gpu: &Found, what: &str) {
+fn assert_equal(card: &Engine, cpu: &PlaneMap, gpu: &PlaneMap, what: &str) {
     assert_eq!((cpu.width, cpu.height), (gpu.width, gpu.height), "{what}");
     let pairs = cpu
         .planes

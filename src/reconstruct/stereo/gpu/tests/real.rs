@@ -2,7 +2,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::{Engine, assert_equal, card};
-use crate::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Round, Search};
+use crate::stereo::patchmatch::{PatchMatchOptions, PlaneMap, PosedImage, Round, Search};
 use crate::stereo::raster::{raster_camera, raster_image, tones};
 use ostra_core::job::Progress;
 use ostra_frames::cameras::GivenCameras;
@@ -22,7 +22,7 @@ fn fountain() -> PathBuf {
 }
 
 /// Reads three neighbouring views.
-fn pictures(set: &Path) -> Vec<Arc<Picture>> {
+fn images(set: &Path) -> Vec<Arc<PosedImage>> {
     let request = OpenRequest {
         sources: vec![FrameFolder::from(set.join("images"))],
         ..OpenRequest::default()
@@ -33,22 +33,22 @@ fn pictures(set: &Path) -> Vec<Arc<Picture>> {
         .match_to(&mut frames)
         .unwrap();
     let store = FrameStore::new(16 << 20);
-    let picture = |frame: &ostra_frames::Frame| {
+    let image = |frame: &ostra_frames::Frame| {
         let (lens, pose) = frame.posed_camera().unwrap();
         let image = raster_image(frame, lens, &store, SIDE).unwrap();
-        Arc::new(Picture::new(
+        Arc::new(PosedImage::new(
             tones(&image),
             raster_camera(lens, SIDE),
             *pose,
             120,
         ))
     };
-    frames[3..6].iter().map(picture).collect()
+    frames[3..6].iter().map(image).collect()
 }
 
 /// Returns the search of the first image against the others.
-fn task(pictures: &[Arc<Picture>]) -> Search<'_> {
-    let (reference, sources) = (&pictures[0], &pictures[1..]);
+fn task(images: &[Arc<PosedImage>]) -> Search<'_> {
+    let (reference, sources) = (&images[0], &images[1..]);
     Search {
         reference,
         sources,
@@ -63,11 +63,11 @@ fn task(pictures: &[Arc<Picture>]) -> Search<'_> {
 fn real_images_give_the_same_depths_as_the_processor() {
     let card = card();
     let set = fountain();
-    let pictures = pictures(&set);
+    let images = images(&set);
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
-    let mut founds: Vec<Arc<Found>> = Vec::new();
+    let mut founds: Vec<Arc<PlaneMap>> = Vec::new();
     for index in 0..3 {
-        let mut order = pictures.clone();
+        let mut order = images.clone();
         order.swap(0, index);
         founds.push(
             Engine::Cpu
@@ -76,7 +76,7 @@ fn real_images_give_the_same_depths_as_the_processor() {
                 .into(),
         );
     }
-    let task = task(&pictures);
+    let task = task(&images);
     assert_equal(
         &card,
         &founds[0],

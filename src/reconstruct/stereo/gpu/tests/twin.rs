@@ -1,8 +1,8 @@
 use std::sync::Arc;
 
-use super::wall::{found, partly_flat, pictures, task};
+use super::wall::{found, images, partly_flat, task};
 use super::{Engine, assert_equal, card};
-use crate::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Round};
+use crate::stereo::patchmatch::{PatchMatchOptions, PlaneMap, PosedImage, Round};
 use ostra_core::job::Progress;
 
 /// An odd width and height.
@@ -12,9 +12,9 @@ const SIZE: (u32, u32) = (141, 101);
 #[ignore = "needs a GPU adapter: add --include-ignored"]
 fn search_equals_the_processor() {
     let card = card();
-    let pictures = pictures(4, SIZE);
+    let images = images(4, SIZE);
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
-    let task = task(&pictures, None);
+    let task = task(&images, None);
     let gpu = card.search(&task, &options, &progress).unwrap();
     assert_equal(
         &card,
@@ -30,11 +30,11 @@ fn parallel_searches_equal_single_ones() {
     let card = card();
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
     let tasks =
-        [(4, SIZE), (3, SIZE), (3, (64, 90)), (4, SIZE)].map(|(count, size)| pictures(count, size));
-    let search = |pictures: &Vec<Arc<Picture>>| {
-        let task = task(pictures, None);
+        [(4, SIZE), (3, SIZE), (3, (64, 90)), (4, SIZE)].map(|(count, size)| images(count, size));
+    let search = |images: &Vec<Arc<PosedImage>>| {
+        let task = task(images, None);
         let first = card.search(&task, &options, &progress).unwrap();
-        let others = vec![Some(Arc::new(first.clone())); pictures.len() - 1];
+        let others = vec![Some(Arc::new(first.clone())); images.len() - 1];
         let round = Round {
             start: &first,
             others: &others,
@@ -49,7 +49,7 @@ fn parallel_searches_equal_single_ones() {
     let at_once = std::thread::scope(|scope| {
         let threads = tasks
             .each_ref()
-            .map(|pictures| scope.spawn(|| search(pictures)));
+            .map(|images| scope.spawn(|| search(images)));
         threads.map(|thread| thread.join().unwrap())
     });
     assert!(alone == at_once);
@@ -59,7 +59,7 @@ fn parallel_searches_equal_single_ones() {
 #[ignore = "needs a GPU adapter: add --include-ignored"]
 fn masked_search_equals_the_processor() {
     let card = card();
-    let pictures = pictures(3, SIZE);
+    let images = images(3, SIZE);
     let (options, progress) = (
         PatchMatchOptions {
             seed: 7,
@@ -70,7 +70,7 @@ fn masked_search_equals_the_processor() {
     let allowed: Vec<bool> = (0..SIZE.0 * SIZE.1)
         .map(|at| (at % SIZE.0 / 20).is_multiple_of(2) && at / SIZE.0 > 15)
         .collect();
-    let task = task(&pictures, Some(&allowed));
+    let task = task(&images, Some(&allowed));
     let gpu = card.search(&task, &options, &progress).unwrap();
     assert_equal(
         &card,
@@ -90,10 +90,10 @@ fn masked_search_equals_the_processor() {
 #[ignore = "needs a GPU adapter: add --include-ignored"]
 fn consistent_rounds_equal_the_processor() {
     let card = card();
-    let pictures = pictures(4, SIZE);
+    let images = images(4, SIZE);
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
-    let first = found(&pictures);
-    let known: Vec<Option<Arc<Found>>> = first[1..]
+    let first = found(&images);
+    let known: Vec<Option<Arc<PlaneMap>>> = first[1..]
         .iter()
         .map(|found| Some(Arc::clone(found)))
         .collect();
@@ -105,7 +105,7 @@ fn consistent_rounds_equal_the_processor() {
         ("masked", &known, Some(&allowed[..])),
     ];
     for (what, others, allowed) in cases {
-        let task = task(&pictures, allowed);
+        let task = task(&images, allowed);
         for before in 0..2 {
             let round = Round {
                 start: &first[0],
@@ -133,11 +133,11 @@ fn consistent_rounds_equal_the_processor() {
 #[ignore = "needs a GPU adapter: add --include-ignored"]
 fn flat_parts_equal_the_processor() {
     let card = card();
-    let pictures: Vec<_> = (0..3)
+    let images: Vec<_> = (0..3)
         .map(|index| partly_flat(index, SIZE, |x| (x.x - 0.75).abs() < 0.2 && x.y.abs() < 0.4))
         .collect();
     let (progress, options) = (Progress::default(), PatchMatchOptions::default());
-    let task = task(&pictures, None);
+    let task = task(&images, None);
     let cpu = Engine::Cpu.search(&task, &options, &progress).unwrap();
     assert_equal(
         &card,
@@ -151,7 +151,7 @@ fn flat_parts_equal_the_processor() {
     };
     let alone = Engine::Cpu.search(&task, &without, &progress).unwrap();
     assert!(cpu.planes != alone.planes, "it pulls somewhere");
-    let known: Vec<Option<Arc<Found>>> = found(&pictures)[1..]
+    let known: Vec<Option<Arc<PlaneMap>>> = found(&images)[1..]
         .iter()
         .map(|found| Some(Arc::clone(found)))
         .collect();

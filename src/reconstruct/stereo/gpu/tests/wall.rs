@@ -3,7 +3,7 @@ use std::sync::Arc;
 use glam::{DQuat, DVec2, DVec3};
 
 use super::Engine;
-use crate::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Search, Tones};
+use crate::stereo::patchmatch::{PatchMatchOptions, PlaneMap, PosedImage, Search, Tones};
 use ostra_core::job::Progress;
 use ostra_geometry::{Camera, Pose};
 
@@ -14,7 +14,7 @@ pub const RANGE: [f64; 2] = [1.2, 6.0];
 const COARSEST_PX: u32 = 40;
 
 /// Returns a slanted textured wall with a board in front of it, from one of several positions; any size.
-pub fn picture(index: usize, size: (u32, u32)) -> Arc<Picture> {
+pub fn image(index: usize, size: (u32, u32)) -> Arc<PosedImage> {
     partly_flat(index, size, |_| false)
 }
 
@@ -23,7 +23,7 @@ pub fn partly_flat(
     index: usize,
     (width, height): (u32, u32),
     is_flat: fn(DVec3) -> bool,
-) -> Arc<Picture> {
+) -> Arc<PosedImage> {
     let focal = 0.95 * f64::from(width);
     let camera = Camera::pinhole(
         width,
@@ -48,7 +48,7 @@ pub fn partly_flat(
         luma,
         chroma,
     };
-    Arc::new(Picture::new(tones, camera, pose, COARSEST_PX))
+    Arc::new(PosedImage::new(tones, camera, pose, COARSEST_PX))
 }
 
 /// Returns grey and chroma.
@@ -87,13 +87,13 @@ fn paint(
 }
 
 /// Returns images of one size.
-pub fn pictures(count: usize, size: (u32, u32)) -> Vec<Arc<Picture>> {
-    (0..count).map(|index| picture(index, size)).collect()
+pub fn images(count: usize, size: (u32, u32)) -> Vec<Arc<PosedImage>> {
+    (0..count).map(|index| image(index, size)).collect()
 }
 
 /// Returns the search of the first image against the others.
-pub fn task<'a>(pictures: &'a [Arc<Picture>], allowed: Option<&'a [bool]>) -> Search<'a> {
-    let (reference, sources) = (&pictures[0], &pictures[1..]);
+pub fn task<'a>(images: &'a [Arc<PosedImage>], allowed: Option<&'a [bool]>) -> Search<'a> {
+    let (reference, sources) = (&images[0], &images[1..]);
     Search {
         reference,
         sources,
@@ -104,9 +104,9 @@ pub fn task<'a>(pictures: &'a [Arc<Picture>], allowed: Option<&'a [bool]>) -> Se
 }
 
 /// Returns the processor's result for each image against the others.
-pub fn found(pictures: &[Arc<Picture>]) -> Vec<Arc<Found>> {
+pub fn found(images: &[Arc<PosedImage>]) -> Vec<Arc<PlaneMap>> {
     let one = |index: usize| {
-        let mut order = pictures.to_vec();
+        let mut order = images.to_vec();
         order.swap(0, index);
         Engine::Cpu
             .search(
@@ -117,5 +117,5 @@ pub fn found(pictures: &[Arc<Picture>]) -> Vec<Arc<Found>> {
             .unwrap()
             .into()
     };
-    (0..pictures.len()).map(one).collect()
+    (0..images.len()).map(one).collect()
 }

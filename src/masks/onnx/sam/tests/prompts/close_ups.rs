@@ -101,7 +101,7 @@ fn close_up_covers_only_its_part() {
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
 fn close_up_is_embedded_once_for_all_prompts_in_it() {
     let sam = flat();
-    let close = CloseUps::new(Arc::new(sam), Arc::new(picture()));
+    let close = CloseUps::new(Arc::new(sam), Arc::new(image()));
     let answer = |clicks: &[Click], previous: Option<&Region>| {
         let prompt = Prompt {
             clicks: clicks.to_vec(),

@@ -1,0 +1,66 @@
+use std::sync::{Arc, OnceLock};
+
+use super::arrangement::Arrangement;
+use super::raster::draw_arranged;
+use super::{Model, Orbit, SceneStyle, Shot, draw_mesh};
+
+/// A model with a view and a style, for drawing on the CPU at any size and rotation.
+///
+/// The window and the command line pass it to a job as a closure: the session does not depend on
+/// drawing, and this crate does not depend on jobs.
+#[derive(Clone)]
+pub struct RenderRequest {
+    /// The model; a wireframe is drawn as triangles.
+    model: Model,
+    /// The view.
+    orbit: Orbit,
+    /// Colours, clip box, sizes and background.
+    style: SceneStyle,
+    /// Rows of the view for which sizes in pixels are given, above 0; sizes scale with the image.
+    rows: u32,
+    /// Arrangement of a cloud, computed for the first image.
+    arrangement: OnceLock<Arc<Arrangement>>,
+}
+
+impl RenderRequest {
+    /// Creates a portrait; a wireframe is drawn as triangles.
+    ///
+    /// `rows` (above 0) is the height of the view for which sizes in pixels are given. Point sizes
+    /// scale with the image.
+    #[must_use]
+    pub fn new(model: Model, orbit: Orbit, style: SceneStyle, rows: u32) -> Self {
+        Self {
+            model,
+            orbit,
+            style,
+            rows,
+            arrangement: OnceLock::new(),
+        }
+    }
+
+    /// Draws the model at `size` (columns, rows), with the scene turned right by `turned` radians.
+    ///
+    /// With `transparent`, smoothing of a mesh ignores the background.
+    #[must_use]
+    pub fn draw(&self, size: (u32, u32), turned: f32, transparent: bool) -> Shot {
+        let mut orbit = self.orbit;
+        orbit.turn(turned);
+        let point_px = self.style.point_px * size.1 as f32 / self.rows.max(1) as f32;
+        let style = SceneStyle {
+            point_px,
+            ..self.style.clone()
+        };
+        match &self.model {
+            Model::Cloud(cloud) => {
+                let arrangement = self
+                    .arrangement
+                    .get_or_init(|| Arc::new(Arrangement::of(&cloud.positions)));
+                draw_arranged(cloud, arrangement, &orbit.camera(size.0, size.1), &style)
+            }
+            // Each pixel is the mean of four, which smooths edges.
+            Model::Surface(mesh) | Model::Wireframe(mesh) => {
+                draw_mesh(mesh, &orbit.camera(size.0 * 2, size.1 * 2), &style).halved(transparent)
+            }
+        }
+    }
+}

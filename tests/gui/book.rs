@@ -1,0 +1,73 @@
+//! The book's page of shortcuts agrees with the table of actions.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+use ostra_app::{Action, Shortcuts};
+
+/// Lines around the generated part of the page.
+const MARK: &str = "<!-- generated: shortcuts -->\n";
+
+fn table() -> String {
+    let ctx = egui::Context::default();
+    ctx.set_os(egui::os::OperatingSystem::Nix);
+    let shortcuts = Shortcuts::default();
+    let mut page = String::from("\n| action | menu | shortcut | effect |\n|---|---|---|---|\n");
+    for action in Action::all() {
+        let menu = action.menu().map_or("", |menu| menu.text());
+        let keys = match shortcuts.text(&ctx, action) {
+            keys if keys.is_empty() => keys,
+            keys => format!("`{keys}`"),
+        };
+        let _ = writeln!(
+            page,
+            "| {} | {menu} | {keys} | {} |",
+            action.text(),
+            action.tip()
+        );
+    }
+    page.push('\n');
+    page
+}
+
+#[test]
+fn shortcut_reference_is_up_to_date() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/book/src/reference/shortcuts.md");
+    let page = fs::read_to_string(&path).unwrap();
+    let parts: Vec<&str> = page.split(MARK).collect();
+    let [before, now, after] = parts[..] else {
+        panic!("the page has a mark at both ends");
+    };
+    let generated = table();
+    if std::env::var_os("OSTRA_UPDATE_BOOK").is_some() {
+        fs::write(&path, [before, &generated, after].join(MARK)).unwrap();
+    } else {
+        assert!(
+            now == generated,
+            "run `OSTRA_UPDATE_BOOK=1 cargo test book` to write the page again"
+        );
+    }
+}
+
+#[test]
+fn every_action_has_a_name_of_its_own_and_a_tooltip() {
+    let mut names = BTreeSet::new();
+    for action in Action::all() {
+        let (text, tip) = (action.text(), action.tip());
+        assert!(
+            !text.trim().is_empty() && !tip.trim().is_empty(),
+            "{action:?}"
+        );
+        assert!(
+            !text.ends_with('.') && !tip.ends_with('.'),
+            "{action:?}: {tip}"
+        );
+        assert!(
+            names.insert(text.clone()),
+            "two actions are called {text:?}"
+        );
+    }
+    assert!(names.len() > 80);
+}
