@@ -22,7 +22,7 @@ pub(super) struct FuseArgs {
     /// Voxel size in world units [default: from the data]
     #[arg(long, value_name = "SIZE", value_parser = values::positive)]
     pub voxel: Option<f64>,
-    /// Drop points whose label won a smaller share of the votes.
+    /// Remove labels that won a smaller share of the votes; their points stay unless unlabelled ones are dropped.
     #[arg(long, value_name = "C", value_parser = values::share)]
     pub min_confidence: Option<f32>,
     /// Drop unlabelled points.

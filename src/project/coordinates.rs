@@ -64,6 +64,19 @@ impl Project {
         }
     }
 
+    /// Returns whether lengths count as metres only because the cameras were given.
+    ///
+    /// Nothing confirms the unit: no frame has sensor depth, and the scale was never set.
+    #[must_use]
+    pub fn is_unit_assumed(&self) -> bool {
+        !self.results.contains_key(&ResultKind::Cameras)
+            && self
+                .frames
+                .iter()
+                .any(|frame| frame.posed_camera().is_some())
+            && !self.frames.iter().any(Frame::has_sensor_depth)
+    }
+
     /// Returns whether the scale of the cameras is or was arbitrary.
     fn has_chosen_scale(&self) -> bool {
         self.results

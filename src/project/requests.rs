@@ -95,7 +95,7 @@ pub struct FuseRequest {
     /// Edge length of the voxels in world units; chosen from the data if absent.
     #[serde(default)]
     pub voxel: Option<f64>,
-    /// Minimum share of the votes for a point's label, 0–1; other points are dropped.
+    /// Minimum share of the votes for a point's label, 0–1; other points lose their label.
     #[serde(default)]
     pub min_confidence: Option<f32>,
     /// Whether points without a label are dropped.

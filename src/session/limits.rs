@@ -212,7 +212,7 @@ fn check_track(settings: &TrackSettings) -> Result<()> {
 fn check_reconstruct(request: &ReconstructRequest, project: Option<&Project>) -> Result<()> {
     ensure!(
         request.every >= 1,
-        "every 0th frame cannot be used; give 1 or more"
+        "'every' must be at least 1, got 0: 1 uses each frame, 2 every second one"
     );
     let side = request.max_side.filter(|side| !MAX_SIDES.contains(side));
     let (least, most) = (MAX_SIDES.start(), MAX_SIDES.end());

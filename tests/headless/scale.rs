@@ -777,3 +777,20 @@ fn write_points(points: &str, ply: &str) {
     );
     std::fs::write(ply, header + &rows.join("\n") + "\n").unwrap();
 }
+
+#[test]
+fn unit_of_given_cameras_is_questioned_without_sensor_depth() {
+    let recording = Recording::new();
+    let [color, depth, sparse] = ["color", "depth", "sparse"].map(|name| recording.path(name));
+    let warned = |project: &str, more: &[&str]| {
+        let project = recording.path(project);
+        let new = ["new", &project, "--frames", &color, "--cameras", &sparse];
+        let output = ostra(&[&new[..], more].concat());
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8(output.stderr)
+            .unwrap()
+            .contains("set the scale")
+    };
+    assert!(warned("photos", &[]));
+    assert!(!warned("rgbd", &["--depth", &depth]));
+}

@@ -22,13 +22,13 @@ pub(crate) fn fuse_ui(
             field(
                 ui,
                 "Voxel size",
-                "Points closer than this are merged, in world units (metres)",
+                "Edge of the voxels in which points are merged, in metres if the scale is known",
                 |ui| voxel_ui(ui, view),
             );
             field(
                 ui,
                 "Minimum confidence",
-                "Drop points whose label won a smaller share of the votes",
+                "Remove labels that won a smaller share of the votes",
                 |ui| {
                     let mut percent = view.fuse.min_confidence.unwrap_or(0.0) * 100.0;
                     let drag = DragValue::new(&mut percent)

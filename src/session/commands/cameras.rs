@@ -208,7 +208,7 @@ impl CameraWork {
         let frames = &project.frames;
         let kept = |frame: usize| poses == Poses::Kept && frames[frame].posed_camera().is_some();
         let (mapped, located): (Vec<usize>, Vec<usize>) =
-            (0..frames.len()).partition(|&frame| frame % request.every == 0 || kept(frame));
+            (0..frames.len()).partition(|&frame| builds_model(request, frame) || kept(frame));
         let place = |frame: usize| mapped.binary_search(&frame).ok();
         let pairs = request
             .pairs
@@ -300,4 +300,26 @@ fn save(folder: &Path, frames: &[Frame], result: &Cameras) -> Result<()> {
     write_colmap_model(folder, &placed, &result.sparse, ModelEncoding::Text)?;
     save_outcomes(folder, &result.outcomes)?;
     save_links(folder, &result.links)
+}
+
+/// Returns whether a frame takes part in building the model: every Nth one, and those of pairs that
+/// the user picked. The others are placed in the finished model.
+fn builds_model(request: &ReconstructRequest, frame: usize) -> bool {
+    frame.is_multiple_of(request.every) || request.pairs.iter().flatten().any(|&of| of == frame)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_of_picked_pairs_build_the_model() {
+        let request = ReconstructRequest {
+            every: 4,
+            pairs: vec![[1, 8], [2, 3]],
+            ..ReconstructRequest::default()
+        };
+        let frames = (0..10).filter(|&frame| builds_model(&request, frame));
+        assert_eq!(frames.collect::<Vec<_>>(), [0, 1, 2, 3, 4, 8]);
+    }
 }

@@ -185,6 +185,10 @@ fn write(
     Ok(warnings)
 }
 
+/// Warning for traits in a unit that nothing confirms.
+const UNIT_ASSUMED: &str = "traits are in metres only if the given cameras are; a model made from photos alone (as by \
+     COLMAP) has no unit: set the scale first";
+
 fn write_targets(
     request: &ExportRequest,
     sources: &Sources,
@@ -192,6 +196,9 @@ fn write_targets(
     progress: &Progress,
 ) -> Result<Vec<String>> {
     let mut warnings: Vec<String> = outdated(request, sources).into_iter().collect();
+    if request.traits.is_some() && sources.project.is_unit_assumed() {
+        warnings.push(UNIT_ASSUMED.to_owned());
+    }
     if let Some(cloud) = cloud {
         if let Some(path) = &request.cloud {
             write_cloud(path, cloud, request, progress)?;

@@ -239,12 +239,19 @@ fn read_frames(new: &NewProject, progress: &Progress) -> Result<Opened> {
         let warnings = GivenCameras::read(path)?.match_to(&mut opened.frames)?;
         opened.warnings.extend(warnings);
         opened.frames = thinned(opened.frames, &new.open)?;
+        if !opened.frames.iter().any(Frame::has_sensor_depth) {
+            opened.warnings.push(UNIT_ASSUMED.to_owned());
+        }
     }
     if new.open.depth_camera.is_some() {
         check_seen(&opened.frames)?;
     }
     Ok(opened)
 }
+
+/// Warning for given cameras whose unit nothing confirms.
+const UNIT_ASSUMED: &str = "the given cameras are taken to be in metres; a model made from photos alone (as by COLMAP) \
+     has no unit: set the scale before you measure";
 
 /// Checks that the camera of each frame with depth from another camera is known.
 ///
@@ -262,7 +269,10 @@ fn check_seen(frames: &[Frame]) -> Result<()> {
 }
 
 fn thinned(frames: Vec<Frame>, request: &OpenRequest) -> Result<Vec<Frame>> {
-    ensure!(request.every > 0, "every 0th frame is none; give 1 or more");
+    ensure!(
+        request.every > 0,
+        "'every' must be at least 1, got 0: 1 takes each frame, 2 every second one"
+    );
     let count = frames.len();
     let (from, to) = (request.from.unwrap_or(0), request.to.unwrap_or(usize::MAX));
     let taken: Vec<Frame> = frames

@@ -131,7 +131,6 @@ impl Session {
 }
 
 fn way(project: &Project, request: &ReconstructRequest) -> Result<ReconstructionPlan> {
-    ensure!(request.every > 0, "every 0th frame is none; give 1 or more");
     ensure!(!project.frames.is_empty(), "the project has no frames");
     let posed = project
         .frames
