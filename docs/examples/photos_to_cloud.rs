@@ -2,6 +2,8 @@
 //!
 //! `cargo run --release --example photos_to_cloud -- FOLDER PROJECT CLOUD.ply`
 
+#![expect(clippy::print_stderr, reason = "an example reports on the terminal")]
+
 use std::error::Error;
 use std::ops::ControlFlow;
 use std::path::PathBuf;

@@ -5,6 +5,8 @@
 //! CAMERAS is a COLMAP model or another known file of cameras in the coordinates of the cloud.
 //! MASKS is a folder of palette PNGs (DAVIS) with the names of the images.
 
+#![expect(clippy::print_stderr, reason = "an example reports on the terminal")]
+
 use std::error::Error;
 use std::ops::ControlFlow;
 use std::path::PathBuf;

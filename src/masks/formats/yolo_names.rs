@@ -3,7 +3,11 @@
 //! They are in a YAML file with `names`, in `classes.txt` (labelImg) or in `obj.names` (darknet).
 
 use std::collections::BTreeSet;
+use std::fmt;
 use std::path::{Path, PathBuf};
+
+use serde::de::{self, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 
 use super::files::{invalid, io_error, read_text};
 use crate::MaskError;
@@ -205,84 +209,61 @@ fn plain_names(text: &str) -> Option<Vec<String>> {
     (!names.is_empty()).then_some(names)
 }
 
-/// Parses `names:` as a list or a map, in brackets or with one entry per line.
+/// Returns the `names` of a data file: a list, or a map from class number to name.
 fn yaml_names(text: &str) -> Option<Vec<String>> {
-    let mut lines = text.lines();
-    let first = lines.find_map(|line| line.strip_prefix("names:"))?.trim();
-    if let Some(open) = first.strip_prefix(['[', '{']) {
-        let rest: Vec<&str> = std::iter::once(open).chain(lines).collect();
-        return numbered(&split_outside_quotes(
-            rest.join(" ").split_once([']', '}'])?.0,
-        ));
-    }
-    let block = lines
-        .map(str::trim_end)
-        .filter(|line| !line.trim().is_empty() && !line.trim().starts_with('#'));
-    let block = block.take_while(|line| line.starts_with([' ', '\t', '-']));
-    let entries: Vec<String> = block
-        .map(|line| line.trim().trim_start_matches("- ").to_owned())
-        .collect();
-    numbered(&entries)
+    let file: DataFile = serde_saphyr::from_str(text).ok()?;
+    file.names.map(|names| names.0)
 }
 
-/// Sorts entries (`name` or `number: name`) by their numbers.
-fn numbered(entries: &[String]) -> Option<Vec<String>> {
-    let mut names = Vec::new();
-    for (at, entry) in entries
-        .iter()
-        .map(|entry| entry.trim())
-        .filter(|entry| !entry.is_empty())
-        .enumerate()
-    {
-        let keyed = entry
-            .split_once(':')
-            .and_then(|(key, name)| Some((key.trim().parse().ok()?, name)));
-        let (class, name): (usize, &str) = keyed.unwrap_or((at, entry));
-        if class > usize::from(u16::MAX) {
-            return None;
-        }
-        names.resize(names.len().max(class + 1), String::new());
-        names[class] = unquoted(name.trim());
-    }
-    (!names.is_empty()).then_some(names)
+/// The part of a data file that is read.
+#[derive(Deserialize)]
+struct DataFile {
+    names: Option<Names>,
 }
 
-fn split_outside_quotes(text: &str) -> Vec<String> {
-    let mut entries = vec![String::new()];
-    let mut quote = None;
-    for c in text.chars() {
-        match (quote, c) {
-            (None, ',') => entries.push(String::new()),
-            (None, '\'' | '"') => quote = Some(c),
-            (Some(open), _) if open == c => quote = None,
-            _ => {}
-        }
-        if let (true, Some(entry)) = (c != ',' || quote.is_some(), entries.last_mut()) {
-            entry.push(c);
-        }
+/// Class names in the order of their numbers; at least one.
+struct Names(Vec<String>);
+
+impl<'de> Deserialize<'de> for Names {
+    fn deserialize<D: Deserializer<'de>>(file: D) -> Result<Self, D::Error> {
+        file.deserialize_any(NamesVisitor)
     }
-    entries
 }
 
-fn unquoted(text: &str) -> String {
-    let inner = |quote: char| {
-        text.strip_prefix(quote)
-            .and_then(|rest| rest.split_once(quote))
-            .map(|(name, _)| name)
-    };
-    let single = text
-        .strip_prefix('\'')
-        .and_then(|rest| rest.strip_suffix('\''))
-        .map(|name| name.replace("''", "'"));
-    let bare = || {
-        text.split_once(" #")
-            .map_or(text, |(name, _)| name)
-            .trim()
-            .to_owned()
-    };
-    single
-        .or_else(|| inner('"').map(str::to_owned))
-        .unwrap_or_else(bare)
+struct NamesVisitor;
+
+impl<'de> Visitor<'de> for NamesVisitor {
+    type Value = Names;
+
+    fn expecting(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str("a list of names, or a map from numbers to names")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Names, A::Error> {
+        let mut names = Vec::new();
+        while let Some(name) = list.next_element::<Option<String>>()? {
+            names.push(name.unwrap_or_default());
+        }
+        checked(names)
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Names, A::Error> {
+        let mut names = Vec::new();
+        while let Some((class, name)) = map.next_entry::<u16, Option<String>>()? {
+            let class = usize::from(class);
+            names.resize(names.len().max(class + 1), String::new());
+            names[class] = name.unwrap_or_default();
+        }
+        checked(names)
+    }
+}
+
+fn checked<E: de::Error>(names: Vec<String>) -> Result<Names, E> {
+    match names.len() {
+        0 => Err(E::custom("there are no names")),
+        count if count > usize::from(u16::MAX) + 1 => Err(E::custom("there are too many names")),
+        _ => Ok(Names(names)),
+    }
 }
 
 #[cfg(test)]
@@ -306,7 +287,24 @@ mod tests {
                 "{text}"
             );
         }
+        for (text, name) in [
+            ("names: # classes\n  0: leaf\n", "leaf"),
+            ("names: ['a] b']\n", "a] b"),
+            ("names: [\"tab\\there\"]\n", "tab\there"),
+            ("other:\n  names: [stem]\nnames: [leaf]\n", "leaf"),
+            ("names: [007]\n", "007"),
+            ("names:\n- no\n", "no"),
+            ("names:\n- 1.0\n", "1.0"),
+            ("---\nnames: [leaf]\n", "leaf"),
+        ] {
+            assert_eq!(yaml_names(text), Some(vec![name.to_owned()]), "{text}");
+        }
+        assert_eq!(yaml_names("names:\n  0:\n  1: leaf").unwrap(), ["", "leaf"]);
+        let names = ["it's", "a: b #c", "[x]", "007"].map(str::to_owned);
+        assert_eq!(yaml_names(&yaml(&names)).unwrap(), names);
         assert_eq!(yaml_names("nc: 3"), None);
+        assert_eq!(yaml_names("names: []"), None);
+        assert_eq!(yaml_names("names: {leaf: 0}"), None);
         assert_eq!(yaml_names("names:\n  9999999: x"), None);
         assert_eq!(
             plain_names("leaf\r\n\nstem 1\n").unwrap(),
