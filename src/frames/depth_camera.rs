@@ -185,14 +185,14 @@ mod tests {
             translation: DVec3::new(-0.025, 0.002, 0.003),
         };
         DepthCamera {
-            intrinsics: Camera::pinhole(160, 120, 146.0, 146.0, 80.0, 60.0),
+            intrinsics: Camera::pinhole(160, 120, [146.0, 146.0], [80.0, 60.0]),
             image_from_depth,
             estimated: false,
         }
     }
 
     fn image() -> Camera {
-        Camera::pinhole(320, 240, 262.0, 264.0, 161.0, 118.0)
+        Camera::pinhole(320, 240, [262.0, 264.0], [161.0, 118.0])
     }
 
     /// Returns the depth of the plane `normal · x = offset`, in the depth camera's axes.

@@ -219,7 +219,7 @@ mod tests {
     use ostra_geometry::{Distortion, Pose};
 
     fn slope() -> EstimatedDepth {
-        let camera = Camera::pinhole(8, 6, 10.0, 10.0, 4.0, 3.0);
+        let camera = Camera::pinhole(8, 6, [10.0, 10.0], [4.0, 3.0]);
         // Depth grows to the right; the last two columns lie on another surface, and a corner is
         // unknown.
         let at = |i: u32| match i % 8 {
@@ -333,7 +333,7 @@ mod tests {
     fn lens_distorts_the_image_but_not_the_depth_map() {
         let lens = Camera {
             distortion: Distortion::Radial { k: [-0.3, 0.0] },
-            ..Camera::pinhole(16, 12, 20.0, 20.0, 8.0, 6.0)
+            ..Camera::pinhole(16, 12, [20.0, 20.0], [8.0, 6.0])
         };
         let (made, frame) = (slope(), frame(Some(lens), "a.tiff"));
         let seen = made.seen_by(&frame, 1.0);

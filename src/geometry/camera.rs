@@ -84,14 +84,16 @@ impl Camera {
     pub const MAX_PIXELS: u64 = 220_000_000;
 
     /// Creates a pinhole camera without distortion.
+    ///
+    /// `focal_px` holds the focal lengths and `principal_px` the principal point, each for x and y.
     #[must_use]
     #[inline]
-    pub fn pinhole(width: u32, height: u32, fx: f64, fy: f64, cx: f64, cy: f64) -> Self {
+    pub fn pinhole(width: u32, height: u32, focal_px: [f64; 2], principal_px: [f64; 2]) -> Self {
         Self {
             width,
             height,
-            focal_px: DVec2::new(fx, fy),
-            principal_px: DVec2::new(cx, cy),
+            focal_px: focal_px.into(),
+            principal_px: principal_px.into(),
             distortion: Distortion::None,
         }
     }
@@ -193,7 +195,7 @@ mod tests {
                 s: [3e-3, 5e-3],
             },
         ];
-        let base = Camera::pinhole(640, 480, 500.0, 510.0, 322.0, 237.5);
+        let base = Camera::pinhole(640, 480, [500.0, 510.0], [322.0, 237.5]);
         models
             .into_iter()
             .map(|distortion| Camera { distortion, ..base })
@@ -215,7 +217,7 @@ mod tests {
     fn distortion_follows_the_published_formulas() {
         // Computed by hand at (u, v) = (0.3, 0.4): r² = 0.25.
         let x = DVec3::new(0.6, 0.8, 2.0);
-        let unit = Camera::pinhole(10, 10, 1.0, 1.0, 0.0, 0.0);
+        let unit = Camera::pinhole(10, 10, [1.0, 1.0], [0.0, 0.0]);
         let at = |distortion| Camera { distortion, ..unit }.project(x).unwrap();
         assert!(
             at(Distortion::Radial { k: [0.1, 0.2] })
@@ -256,7 +258,7 @@ mod tests {
         // 1 − 0.3 r² folds back at r = 1.05: a point at r = 1.7 would be projected into the image.
         let camera = Camera {
             distortion: Distortion::Radial { k: [-0.3, 0.0] },
-            ..Camera::pinhole(640, 480, 300.0, 300.0, 320.0, 240.0)
+            ..Camera::pinhole(640, 480, [300.0, 300.0], [320.0, 240.0])
         };
         assert_eq!(camera.project(DVec3::new(1.7, 0.0, 1.0)), None);
         assert!(camera.project(DVec3::new(0.9, 0.0, 1.0)).is_some());

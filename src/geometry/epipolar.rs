@@ -95,8 +95,8 @@ mod tests {
             translation: DVec3::new(1.0, 0.1, 0.2),
         };
         let cameras = [
-            Camera::pinhole(640, 480, 500.0, 510.0, 322.0, 237.5),
-            Camera::pinhole(320, 240, 300.0, 290.0, 150.0, 99.0),
+            Camera::pinhole(640, 480, [500.0, 510.0], [322.0, 237.5]),
+            Camera::pinhole(320, 240, [300.0, 290.0], [150.0, 99.0]),
         ];
         let f = fundamental_in_pixels(essential_from_pose(&pose), [&cameras[0], &cameras[1]]);
         let x = DVec3::new(0.4, -0.3, 4.0);

@@ -19,7 +19,7 @@
 //! use glam::DVec3;
 //! use ostra_geometry::{Camera, Pose, PosedCamera, RayObservation, triangulate};
 //!
-//! let camera = Camera::pinhole(640, 480, 500.0, 500.0, 320.0, 240.0);
+//! let camera = Camera::pinhole(640, 480, [500.0, 500.0], [320.0, 240.0]);
 //! let left = Pose::IDENTITY;
 //! // The right camera is 0.2 units to the right of the left one.
 //! let right = Pose {

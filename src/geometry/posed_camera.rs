@@ -206,7 +206,7 @@ mod tests {
 
     #[test]
     fn projection_equals_that_of_camera_and_pose() {
-        let pinhole = Camera::pinhole(160, 120, 110.0, 112.0, 83.0, 57.5);
+        let pinhole = Camera::pinhole(160, 120, [110.0, 112.0], [83.0, 57.5]);
         let lens = Distortion::Radial { k: [-0.2, 0.03] };
         let distorted = Camera {
             distortion: lens,
@@ -228,7 +228,10 @@ mod tests {
 
     #[test]
     fn points_without_a_projection_are_none() {
-        let posed = PosedCamera::new(&Camera::pinhole(8, 8, 8.0, 8.0, 4.0, 4.0), &Pose::IDENTITY);
+        let posed = PosedCamera::new(
+            &Camera::pinhole(8, 8, [8.0, 8.0], [4.0, 4.0]),
+            &Pose::IDENTITY,
+        );
         for point in [DVec3::NAN, DVec3::ZERO, -DVec3::Z] {
             assert_eq!(posed.project(point), None);
         }
@@ -245,7 +248,7 @@ mod tests {
 
     #[test]
     fn ball_is_visible_if_one_of_its_points_is() {
-        let camera = Camera::pinhole(160, 120, 110.0, 112.0, 83.0, 57.5);
+        let camera = Camera::pinhole(160, 120, [110.0, 112.0], [83.0, 57.5]);
         let posed = PosedCamera::new(&camera, &pose());
         for point in points() {
             let is_inside = posed
@@ -264,7 +267,7 @@ mod tests {
 
     #[test]
     fn single_precision_is_close_to_double() {
-        let camera = Camera::pinhole(160, 120, 110.0, 112.0, 83.0, 57.5);
+        let camera = Camera::pinhole(160, 120, [110.0, 112.0], [83.0, 57.5]);
         let (posed, pinhole) = (PosedCamera::new(&camera, &pose()), Pinhole::new(&camera));
         let isometry = Isometry::from(&pose());
         let mut inside = 0;

@@ -102,18 +102,28 @@ pub fn consensus<E: Estimator>(
     best.filter(|found| found.inliers.len() >= options.min_inliers)
 }
 
+/// A model with its cost.
+#[derive(Clone, Copy)]
+struct ScoredModel<M> {
+    model: M,
+    cost: f64,
+}
+
 /// Returns the model with the lowest cost, if it is below `enough`.
 fn best_of<E: Estimator>(
     estimator: &E,
     models: &[E::Model],
     mut enough: f64,
-) -> Option<(E::Model, f64)> {
+) -> Option<ScoredModel<E::Model>> {
     let mut best = None;
     for model in models {
         let cost = estimator.cost(model, enough);
         if cost < enough {
             enough = cost;
-            best = Some((*model, cost));
+            best = Some(ScoredModel {
+                model: *model,
+                cost,
+            });
         }
     }
     best
@@ -127,10 +137,12 @@ const MIN_ITERATIONS: usize = 60;
 /// Maximum number of refinements of the best model.
 const REFINEMENTS: usize = 3;
 
-fn optimised<E: Estimator>(
-    estimator: &E,
-    (mut model, mut cost): (E::Model, f64),
-) -> Consensus<E::Model> {
+/// Refines a model as long as its cost falls.
+fn optimised<E: Estimator>(estimator: &E, start: ScoredModel<E::Model>) -> Consensus<E::Model> {
+    let ScoredModel {
+        mut model,
+        mut cost,
+    } = start;
     for _ in 0..REFINEMENTS {
         let Some(refined) = estimator.refine(&model) else {
             break;

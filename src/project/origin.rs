@@ -132,7 +132,7 @@ mod tests {
     use ostra_geometry::{Camera, Pose};
 
     fn frames(centres: &[DVec3]) -> Vec<Frame> {
-        let intrinsics = Camera::pinhole(64, 48, 60.0, 60.0, 32.0, 24.0);
+        let intrinsics = Camera::pinhole(64, 48, [60.0, 60.0], [32.0, 24.0]);
         let frame = |(number, &centre): (usize, &DVec3)| Frame {
             name: format!("{number}.png"),
             image: ImageSource::File {

@@ -42,7 +42,7 @@ pub fn camera(shift: f64) -> FrameCamera {
         translation: glam::DVec3::new(shift, 0.1, 1.0 / 3.0),
         ..Pose::IDENTITY
     };
-    FrameCamera::given(Camera::pinhole(4, 3, 4.0, 4.0, 2.0, 1.5), Some(pose))
+    FrameCamera::given(Camera::pinhole(4, 3, [4.0, 4.0], [2.0, 1.5]), Some(pose))
 }
 
 pub fn mask(ids: [u16; 3], origin: MaskOrigin, stale: bool) -> FrameMask {

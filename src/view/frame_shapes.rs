@@ -304,7 +304,7 @@ mod tests {
                 orientation: Default::default(),
             };
             let camera = Some(FrameCamera::given(
-                Camera::pinhole(4, 3, 4.0, 4.0, 2.0, 1.5),
+                Camera::pinhole(4, 3, [4.0, 4.0], [2.0, 1.5]),
                 pose,
             ));
             Frame {

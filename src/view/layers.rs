@@ -174,7 +174,7 @@ mod tests {
     #[test]
     fn normals_and_confidence_are_aligned_with_the_image() {
         let made = EstimatedDepth {
-            camera: Camera::pinhole(2, 1, 2.0, 2.0, 1.0, 0.5),
+            camera: Camera::pinhole(2, 1, [2.0, 2.0], [1.0, 0.5]),
             depth: DepthMap {
                 width: 2,
                 height: 1,

@@ -143,7 +143,7 @@ impl ViewCamera {
             focal *= FAR;
             translation.z += (FAR - 1.0) * f64::from(depth);
         }
-        let camera = Camera::pinhole(self.width, self.height, focal, focal, middle[0], middle[1]);
+        let camera = Camera::pinhole(self.width, self.height, [focal, focal], middle);
         Eye::Free {
             camera,
             camera_from_world: Pose {

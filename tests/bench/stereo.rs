@@ -123,10 +123,8 @@ fn view(index: usize, width: u32, height: u32) -> (Camera, Pose) {
         Camera::pinhole(
             width,
             height,
-            focal,
-            focal,
-            0.5 * f64::from(width),
-            0.5 * f64::from(height),
+            [focal, focal],
+            [0.5 * f64::from(width), 0.5 * f64::from(height)],
         ),
         pose,
     )

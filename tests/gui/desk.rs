@@ -293,7 +293,7 @@ pub fn tree() -> LabelTree {
 }
 
 fn project() -> Project {
-    let camera = Camera::pinhole(WIDTH, HEIGHT, 60.0, 60.0, 32.0, 24.0);
+    let camera = Camera::pinhole(WIDTH, HEIGHT, [60.0, 60.0], [32.0, 24.0]);
     let frame = |number: usize| {
         let rotation = DQuat::from_rotation_y(number as f64 * 0.1 - 0.5);
         let camera_from_world = Some(Pose {

@@ -25,10 +25,8 @@ fn camera() -> Camera {
     Camera::pinhole(
         WIDTH,
         HEIGHT,
-        225.0,
-        225.0,
-        f64::from(WIDTH) / 2.0,
-        f64::from(HEIGHT) / 2.0,
+        [225.0, 225.0],
+        [f64::from(WIDTH) / 2.0, f64::from(HEIGHT) / 2.0],
     )
 }
 

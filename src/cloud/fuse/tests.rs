@@ -62,7 +62,7 @@ impl Scene {
         let right = DVec3::Y.cross(forward).normalize();
         let rotation = DMat3::from_cols(right, forward.cross(right), forward).transpose();
         let pose = Pose::from_matrix(rotation, rotation * -eye).unwrap();
-        let camera = Camera::pinhole(WIDTH, HEIGHT, 80.0, 80.0, 40.0, 30.0);
+        let camera = Camera::pinhole(WIDTH, HEIGHT, [80.0, 80.0], [40.0, 30.0]);
         let (mut depths, mut ids, mut pixels) = (Vec::new(), Vec::new(), Vec::new());
         for index in 0..WIDTH * HEIGHT {
             let at = DVec2::new(

@@ -43,7 +43,7 @@ fn scene() -> LabelledCloud {
 }
 
 fn eye() -> Eye {
-    let camera = Camera::pinhole(400, 400, 400.0, 400.0, 200.0, 200.0);
+    let camera = Camera::pinhole(400, 400, [400.0, 400.0], [200.0, 200.0]);
     Eye::Free {
         camera,
         camera_from_world: Pose {

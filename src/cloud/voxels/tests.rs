@@ -149,7 +149,7 @@ impl Made {
         let rotation = DMat3::from_cols(right, forward.cross(right), forward).transpose();
         let pose = Pose::from_matrix(rotation, rotation * -eye).unwrap();
         let middle = f64::from(SIZE) / 2.0;
-        let camera = Camera::pinhole(SIZE, SIZE, 70.0, 70.0, middle, middle);
+        let camera = Camera::pinhole(SIZE, SIZE, [70.0, 70.0], [middle, middle]);
         let depth = |index: u32| {
             let at = DVec2::new(f64::from(index % SIZE) + 0.5, f64::from(index / SIZE) + 0.5);
             let ray = pose.rotation.conjugate() * camera.unproject(at).extend(1.0);

@@ -341,7 +341,7 @@ mod tests {
         let (width, height) = size;
         let centre = (0.5 * f64::from(width), 0.5 * f64::from(height));
         FrameCamera::given(
-            Camera::pinhole(width, height, focal_px, focal_px, centre.0, centre.1),
+            Camera::pinhole(width, height, [focal_px, focal_px], [centre.0, centre.1]),
             Some(pose),
         )
     }

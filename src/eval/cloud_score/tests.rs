@@ -141,7 +141,7 @@ fn only_points_inside_enough_frustums_count() {
         rotation: DQuat::IDENTITY,
         translation: DVec3::new(-x, 0.0, 2.0),
     };
-    let intrinsics = Camera::pinhole(100, 100, 100.0, 100.0, 50.0, 50.0);
+    let intrinsics = Camera::pinhole(100, 100, [100.0, 100.0], [50.0, 50.0]);
     let camera = |x| FrameCamera::given(intrinsics, Some(pose(x)));
     let options = CloudScoreOptions {
         cameras: vec![camera(0.0), camera(0.4)],
@@ -213,7 +213,7 @@ fn table_matches_the_expected_text() {
 fn table_contains_the_number_of_depth_comparisons() {
     let points = cloud(&[(0.0, 1)], NAMES);
     let camera = FrameCamera::given(
-        Camera::pinhole(64, 48, 50.0, 50.0, 32.0, 24.0),
+        Camera::pinhole(64, 48, [50.0, 50.0], [32.0, 24.0]),
         Some(Pose::default()),
     );
     let options = CloudScoreOptions {

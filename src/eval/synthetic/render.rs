@@ -190,7 +190,7 @@ impl Light {
         let centre = DVec3::new(-0.75, -1.35, 1.55);
         let focal = f64::from(SIDE) * (target - centre).length() / 0.75;
         let half = 0.5 * f64::from(SIDE);
-        let camera = Camera::pinhole(SIDE, SIDE, focal, focal, half, half);
+        let camera = Camera::pinhole(SIDE, SIDE, [focal, focal], [half, half]);
         let light_from_world = look_at(centre, target);
         let raster = Raster::new(model, &camera, &light_from_world);
         let bands: Vec<Vec<f32>> = (0..raster.band_count())

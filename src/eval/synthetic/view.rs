@@ -71,10 +71,8 @@ pub(super) fn arc_of_views(options: &SceneOptions) -> Vec<View> {
     let camera = Camera::pinhole(
         options.width,
         options.height,
-        focal,
-        focal,
-        0.5 * width,
-        0.5 * height,
+        [focal, focal],
+        [0.5 * width, 0.5 * height],
     );
     let digits = (options.views.max(2) - 1).to_string().len().max(3);
     (0..options.views)

@@ -22,8 +22,13 @@ pub(super) fn arrange(
     options: &BundleOptions,
     state: &CameraState,
 ) -> (Layout, Vec<PointBlock>) {
-    let tracks = tracks(bundle, options, state);
-    let mut layout = number(bundle, options, state, &tracks);
+    let arranger = Arranger {
+        bundle,
+        options,
+        state,
+    };
+    let tracks = arranger.tracks();
+    let mut layout = arranger.number(&tracks);
     let mut point_blocks: Vec<PointBlock> = Vec::new();
     for track in tracks {
         if point_blocks
@@ -36,7 +41,7 @@ pub(super) fn arrange(
             });
         }
         if let Some(point_block) = point_blocks.last_mut() {
-            append(point_block, bundle, options, state, &mut layout, track);
+            arranger.append(point_block, &mut layout, track);
         }
     }
     for point_block in &mut point_blocks {
@@ -47,126 +52,141 @@ pub(super) fn arrange(
     (layout, point_blocks)
 }
 
-fn tracks(bundle: &Bundle, options: &BundleOptions, state: &CameraState) -> Vec<Track> {
-    let exists = |image: u32| {
-        let camera = bundle
-            .images
-            .get(image as usize)
-            .map(|image| image.camera as usize);
-        camera.is_some_and(|camera| camera < bundle.cameras.len())
-    };
-    let mut order: Vec<u32> = (0..bundle.observations.len() as u32).collect();
-    order.retain(|&i| {
-        let seen = &bundle.observations[i as usize];
-        let point = bundle.points.get(seen.point as usize);
-        exists(seen.image)
-            && seen.at_px.is_finite()
-            && point.is_some_and(|&point| state.sees(point, seen.image))
-    });
-    let key = |&i: &u32| {
-        (
-            bundle.observations[i as usize].point,
-            bundle.observations[i as usize].image,
-        )
-    };
-    order.sort_by_key(key);
-    let same_point = |a: &u32, b: &u32| key(a).0 == key(b).0;
-    let many = |of_point: &&[u32]| {
-        options.fixed_points
-            || of_point.first().map(key).map(|k| k.1) != of_point.last().map(key).map(|k| k.1)
-    };
-    let observation = |&i: &u32| {
-        let seen = &bundle.observations[i as usize];
-        Observation {
-            image: seen.image,
-            at_px: seen.at_px,
-        }
-    };
-    let track = |of_point: &[u32]| Track {
-        point: key(&of_point[0]).0,
-        observations: of_point.iter().map(observation).collect(),
-    };
-    order.chunk_by(same_point).filter(many).map(track).collect()
+/// A bundle, its options and its cameras at the start.
+struct Arranger<'a> {
+    bundle: &'a Bundle,
+    options: &'a BundleOptions,
+    state: &'a CameraState,
 }
 
-/// Assigns a block to each pose and camera that is free and observed.
-fn number(
-    bundle: &Bundle,
-    options: &BundleOptions,
-    state: &CameraState,
-    tracks: &[Track],
-) -> Layout {
-    let mut observed = vec![false; bundle.images.len()];
-    for observation in tracks.iter().flat_map(|track| &track.observations) {
-        observed[observation.image as usize] = true;
-    }
-    let mut layout = Layout {
-        fixed_points: options.fixed_points,
-        ..Layout::default()
-    };
-    let mut next = 0;
-    for (image, &observed) in observed.iter().enumerate() {
-        let moves = observed && !options.fixed_images.get(image).copied().unwrap_or(false);
-        layout.poses.push(moves.then_some(next));
-        next += usize::from(moves);
-    }
-    for camera in 0..bundle.cameras.len() {
-        let seen = (0..bundle.images.len())
-            .any(|image| observed[image] && state.camera_of(image as u32) == camera);
-        let blocks = if seen {
-            state.intrinsics(camera).div_ceil(BLOCK)
-        } else {
-            0
+impl Arranger<'_> {
+    /// Returns the observations that are used, by point.
+    fn tracks(&self) -> Vec<Track> {
+        let Self {
+            bundle,
+            options,
+            state,
+        } = *self;
+        let exists = |image: u32| {
+            let camera = bundle
+                .images
+                .get(image as usize)
+                .map(|image| image.camera as usize);
+            camera.is_some_and(|camera| camera < bundle.cameras.len())
         };
-        layout.intrinsics.push(next..next + blocks);
-        next += blocks;
+        let mut order: Vec<u32> = (0..bundle.observations.len() as u32).collect();
+        order.retain(|&i| {
+            let seen = &bundle.observations[i as usize];
+            let point = bundle.points.get(seen.point as usize);
+            exists(seen.image)
+                && seen.at_px.is_finite()
+                && point.is_some_and(|&point| state.sees(point, seen.image))
+        });
+        let key = |&i: &u32| {
+            (
+                bundle.observations[i as usize].point,
+                bundle.observations[i as usize].image,
+            )
+        };
+        order.sort_by_key(key);
+        let same_point = |a: &u32, b: &u32| key(a).0 == key(b).0;
+        let many = |of_point: &&[u32]| {
+            options.fixed_points
+                || of_point.first().map(key).map(|k| k.1) != of_point.last().map(key).map(|k| k.1)
+        };
+        let observation = |&i: &u32| {
+            let seen = &bundle.observations[i as usize];
+            Observation {
+                image: seen.image,
+                at_px: seen.at_px,
+            }
+        };
+        let track = |of_point: &[u32]| Track {
+            point: key(&of_point[0]).0,
+            observations: of_point.iter().map(observation).collect(),
+        };
+        order.chunk_by(same_point).filter(many).map(track).collect()
     }
-    layout.first = (0..next).collect();
-    layout
-}
 
-fn append(
-    point_block: &mut PointBlock,
-    bundle: &Bundle,
-    options: &BundleOptions,
-    state: &CameraState,
-    layout: &mut Layout,
-    mut track: Track,
-) {
-    let intrinsics =
-        |observation: &Observation| layout.intrinsics[state.camera_of(observation.image)].clone();
-    track
-        .observations
-        .sort_by_key(|observation| layout.poses[observation.image as usize]);
-    let mut shared: Vec<usize> = Vec::new();
-    for observation in &track.observations {
-        let pose = layout.poses[observation.image as usize];
-        point_block
-            .by_observation
-            .push(pose.into_iter().chain(intrinsics(observation)));
-        shared.extend(intrinsics(observation));
-    }
-    shared.sort_unstable();
-    shared.dedup();
-    let poses = track
-        .observations
-        .iter()
-        .filter_map(|observation| layout.poses[observation.image as usize]);
-    let blocks: Vec<usize> = poses.chain(shared).collect();
-    if let Some(&lowest) = blocks.first() {
-        for &block in &blocks {
-            layout.first[block] = layout.first[block].min(lowest);
+    /// Assigns a block to each pose and camera that is free and observed.
+    fn number(&self, tracks: &[Track]) -> Layout {
+        let Self {
+            bundle,
+            options,
+            state,
+        } = *self;
+        let mut observed = vec![false; bundle.images.len()];
+        for observation in tracks.iter().flat_map(|track| &track.observations) {
+            observed[observation.image as usize] = true;
         }
+        let mut layout = Layout {
+            fixed_points: options.fixed_points,
+            ..Layout::default()
+        };
+        let mut next = 0;
+        for (image, &observed) in observed.iter().enumerate() {
+            let moves = observed && !options.fixed_images.get(image).copied().unwrap_or(false);
+            layout.poses.push(moves.then_some(next));
+            next += usize::from(moves);
+        }
+        for camera in 0..bundle.cameras.len() {
+            let seen = (0..bundle.images.len())
+                .any(|image| observed[image] && state.camera_of(image as u32) == camera);
+            let blocks = if seen {
+                state.intrinsics(camera).div_ceil(BLOCK)
+            } else {
+                0
+            };
+            layout.intrinsics.push(next..next + blocks);
+            next += blocks;
+        }
+        layout.first = (0..next).collect();
+        layout
     }
-    point_block.by_point.push(if options.fixed_points {
-        Vec::new()
-    } else {
-        blocks
-    });
-    point_block.ids.push(track.point);
-    point_block.points.push(bundle.points[track.point as usize]);
-    point_block.observations.extend(track.observations);
-    point_block
-        .starts
-        .push(point_block.observations.len() as u32);
+
+    /// Appends a track to a piece, and notes the blocks that its point connects.
+    fn append(&self, point_block: &mut PointBlock, layout: &mut Layout, mut track: Track) {
+        let Self {
+            bundle,
+            options,
+            state,
+        } = *self;
+        let intrinsics = |observation: &Observation| {
+            layout.intrinsics[state.camera_of(observation.image)].clone()
+        };
+        track
+            .observations
+            .sort_by_key(|observation| layout.poses[observation.image as usize]);
+        let mut shared: Vec<usize> = Vec::new();
+        for observation in &track.observations {
+            let pose = layout.poses[observation.image as usize];
+            point_block
+                .by_observation
+                .push(pose.into_iter().chain(intrinsics(observation)));
+            shared.extend(intrinsics(observation));
+        }
+        shared.sort_unstable();
+        shared.dedup();
+        let poses = track
+            .observations
+            .iter()
+            .filter_map(|observation| layout.poses[observation.image as usize]);
+        let blocks: Vec<usize> = poses.chain(shared).collect();
+        if let Some(&lowest) = blocks.first() {
+            for &block in &blocks {
+                layout.first[block] = layout.first[block].min(lowest);
+            }
+        }
+        point_block.by_point.push(if options.fixed_points {
+            Vec::new()
+        } else {
+            blocks
+        });
+        point_block.ids.push(track.point);
+        point_block.points.push(bundle.points[track.point as usize]);
+        point_block.observations.extend(track.observations);
+        point_block
+            .starts
+            .push(point_block.observations.len() as u32);
+    }
 }

@@ -97,10 +97,8 @@ fn first_guess(frame: &Frame, exif_focal_px: Option<f64>) -> MapCamera {
         ..Camera::pinhole(
             frame.width,
             frame.height,
-            focal,
-            focal,
-            width / 2.0,
-            height / 2.0,
+            [focal, focal],
+            [width / 2.0, height / 2.0],
         )
     };
     let source = if exif_focal_px.is_some() {

@@ -177,7 +177,7 @@ mod tests {
         let frames: Vec<Frame> = (0..3).map(|number| frame(folder.path(), number)).collect();
         std::fs::write(folder.path().join("d1.png"), "").unwrap();
         let camera = FrameCamera::given(
-            Camera::pinhole(8, 6, 8.0, 8.0, 4.0, 3.0),
+            Camera::pinhole(8, 6, [8.0, 8.0], [4.0, 3.0]),
             Some(Pose::IDENTITY),
         );
         let point = SparsePoint {

@@ -141,7 +141,7 @@ mod tests {
 
     /// Returns strong barrel, pincushion, off-centre and fisheye lenses.
     fn lenses() -> [Camera; 4] {
-        let base = Camera::pinhole(160, 120, 110.0, 112.0, 83.0, 57.5);
+        let base = Camera::pinhole(160, 120, [110.0, 112.0], [83.0, 57.5]);
         [
             Camera {
                 distortion: Distortion::Radial { k: [-0.25, 0.03] },
@@ -310,7 +310,7 @@ mod tests {
 
     #[test]
     fn pinhole_camera_is_unchanged() {
-        let camera = Camera::pinhole(4, 3, 5.0, 5.0, 2.1, 1.4);
+        let camera = Camera::pinhole(4, 3, [5.0, 5.0], [2.1, 1.4]);
         assert_eq!(undistorted_camera(&camera), camera);
         let image = Image {
             width: 4,

@@ -208,7 +208,7 @@ mod tests {
             .filter(|&at| is_leaf(at))
             .for_each(|at| mask.ids[at] = LabelId(3));
         let posed = PosedCamera {
-            camera: Camera::pinhole(60, 20, 60.0, 60.0, 30.0, 10.0),
+            camera: Camera::pinhole(60, 20, [60.0, 60.0], [30.0, 10.0]),
             camera_from_world: Pose::IDENTITY,
         };
         (

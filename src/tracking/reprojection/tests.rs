@@ -33,7 +33,7 @@ fn camera(x: f64) -> FrameCamera {
         translation: DVec3::new(-x, 0.0, 0.0),
     };
     FrameCamera::given(
-        Camera::pinhole(WIDTH, HEIGHT, 80.0, 80.0, 48.0, 36.0),
+        Camera::pinhole(WIDTH, HEIGHT, [80.0, 80.0], [48.0, 36.0]),
         Some(pose),
     )
 }

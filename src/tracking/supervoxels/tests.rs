@@ -114,7 +114,7 @@ fn seen(eye: Vec3, ray: Vec3) -> (u8, f32) {
 
 /// Renders the scene from above the table; `aside` shifts the camera sideways.
 fn view(aside: f64) -> (DepthView, Arc<Image>, Vec<u8>) {
-    let camera = Camera::pinhole(SIZE.0, SIZE.1, 150.0, 150.0, 80.0, 60.0);
+    let camera = Camera::pinhole(SIZE.0, SIZE.1, [150.0, 150.0], [80.0, 60.0]);
     let turn = glam::DQuat::from_rotation_x(0.35);
     let centre = DVec3::new(aside, -0.55, 0.0);
     let pose = Pose {

@@ -69,7 +69,7 @@ impl Ball {
         let middle = f64::from(SIZE) / 2.0;
         let camera = Camera {
             distortion,
-            ..Camera::pinhole(SIZE, SIZE, 190.0, 190.0, middle, middle)
+            ..Camera::pinhole(SIZE, SIZE, [190.0, 190.0], [middle, middle])
         };
         let seen = |index: u32| {
             let at = DVec2::new(f64::from(index % SIZE) + 0.5, f64::from(index / SIZE) + 0.5);

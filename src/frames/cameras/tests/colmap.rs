@@ -40,7 +40,7 @@ fn with_cameras() -> Vec<Frame> {
             let mut frame = frame(&format!("a b/{i}_{orientation}.jpg"), 640, 480, orientation);
             let camera = Camera {
                 distortion,
-                ..Camera::pinhole(640, 480, 500.5, 500.5, 320.25, 239.75)
+                ..Camera::pinhole(640, 480, [500.5, 500.5], [320.25, 239.75])
             };
             let pose = pose(all.len() as u32);
             frame.camera = Some(FrameCamera::given(camera, Some(pose)));
@@ -156,7 +156,7 @@ proptest! {
         let rotation = glam::DQuat::from_array(q);
         prop_assume!(rotation.length() > 0.1);
         let pose = ostra_geometry::Pose { rotation: rotation.normalize(), translation: DVec3::new(t, 1.0 / t, f) };
-        let intrinsics = Camera::pinhole(640, 480, f, 1.1 * f, c, 0.3 * c);
+        let intrinsics = Camera::pinhole(640, 480, [f, 1.1 * f], [c, 0.3 * c]);
         let mut all = frames(&["x.png"]);
         all[0].camera = Some(FrameCamera::given(intrinsics, Some(pose)));
         let folder = tempfile::tempdir().unwrap();
@@ -171,7 +171,7 @@ proptest! {
 fn equal_cameras_are_written_once_and_frames_without_pose_are_skipped() {
     let folder = tempfile::tempdir().unwrap();
     let mut all = frames(&["0.png", "1.png", "2.png"]);
-    let intrinsics = Camera::pinhole(640, 480, 500.0, 500.0, 320.0, 240.0);
+    let intrinsics = Camera::pinhole(640, 480, [500.0, 500.0], [320.0, 240.0]);
     for (i, frame) in all.iter_mut().enumerate() {
         frame.camera = Some(FrameCamera::given(intrinsics, (i < 2).then(|| pose(1))));
     }

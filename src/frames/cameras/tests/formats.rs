@@ -54,7 +54,7 @@ fn tum_trajectories_are_matched_by_time() {
     assert_poses(&cameras, &[pose(1), pose(2)]);
     assert_eq!(
         cameras[0].intrinsics,
-        Camera::pinhole(640, 480, 500.0, 510.0, 320.0, 240.0)
+        Camera::pinhole(640, 480, [500.0, 510.0], [320.0, 240.0])
     );
 }
 
@@ -143,7 +143,7 @@ fn middlebury_pixel_centres_are_at_whole_numbers() {
     assert_poses(&cameras, &[pose(1)]);
     assert_eq!(
         cameras[0].intrinsics,
-        Camera::pinhole(640, 480, 1500.0, 1510.0, 303.0, 247.5)
+        Camera::pinhole(640, 480, [1500.0, 1510.0], [303.0, 247.5])
     );
 }
 
@@ -223,7 +223,7 @@ fn nerfstudio_transforms_are_read() {
             k: [0.1, 0.02],
             p: [0.001, -0.002],
         },
-        ..Camera::pinhole(640, 480, 500.0, 510.0, 321.0, 242.0)
+        ..Camera::pinhole(640, 480, [500.0, 510.0], [321.0, 242.0])
     };
     assert_eq!(cameras[0].intrinsics, expected);
     assert_eq!(

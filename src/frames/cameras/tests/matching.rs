@@ -147,7 +147,7 @@ fn poses_without_intrinsics_are_refused_until_given() {
     );
     attach_intrinsics(&mut all, &[400.0, 401.0, 300.0, 200.0].into()).unwrap();
     cameras.match_to(&mut all).unwrap();
-    let intrinsics = Camera::pinhole(640, 480, 400.0, 401.0, 300.0, 200.0);
+    let intrinsics = Camera::pinhole(640, 480, [400.0, 401.0], [300.0, 200.0]);
     assert_eq!(
         all[0].camera,
         Some(FrameCamera::given(intrinsics, Some(pose(0))))
@@ -164,7 +164,7 @@ fn one_set_of_intrinsics_fits_one_stored_size_only() {
     let turned = all[1].camera.unwrap().intrinsics;
     assert_eq!(
         turned,
-        Camera::pinhole(480, 640, 510.0, 500.0, 280.0, 300.0)
+        Camera::pinhole(480, 640, [510.0, 500.0], [280.0, 300.0])
     );
     all.push(frame("c.png", 480, 640, 1));
     let error = attach_intrinsics(&mut all, &[1.0; 4].into())

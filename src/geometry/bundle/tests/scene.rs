@@ -59,7 +59,7 @@ pub fn cameras() -> Vec<Camera> {
 }
 
 pub fn pinhole() -> Camera {
-    Camera::pinhole(1600, 1200, 1400.0, 1420.0, 805.0, 590.0)
+    Camera::pinhole(1600, 1200, [1400.0, 1420.0], [805.0, 590.0])
 }
 
 /// Returns a camera at `centre` that looks at `target`, rotated about its axis by `roll`.

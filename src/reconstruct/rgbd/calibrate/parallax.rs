@@ -163,7 +163,7 @@ mod tests {
 
     #[test]
     fn cameras_project_like_the_parallax() {
-        let given = Camera::pinhole(640, 480, 585.0, 580.0, 320.0, 240.0);
+        let given = Camera::pinhole(640, 480, [585.0, 580.0], [320.0, 240.0]);
         let (image, depth) = PARALLAX.cameras(&given);
         for point in [Vec3::new(0.4, -0.2, 1.5), Vec3::new(-0.5, 0.7, 3.0)] {
             let seen = image
@@ -222,7 +222,7 @@ mod tests {
 
     #[test]
     fn expected_error_is_the_motion_of_corners() {
-        let camera = Camera::pinhole(640, 480, 600.0, 600.0, 320.0, 240.0);
+        let camera = Camera::pinhole(640, 480, [600.0, 600.0], [320.0, 240.0]);
         let shift =
             |by: f64| Matrix::from_diagonal(&Vector::from([0.0, 0.0, by * by, 0.0, 0.0, 0.0]));
         let off = PARALLAX.uncertainty(&shift(0.02), &camera, 2.0);

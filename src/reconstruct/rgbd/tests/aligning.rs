@@ -82,7 +82,7 @@ fn information_shows_what_a_bare_wall_leaves_open() {
 
 #[test]
 fn view_is_small_and_undistorted_and_keeps_depth() {
-    let large = Camera::pinhole(1280, 960, 1160.0, 1160.0, 642.0, 476.0);
+    let large = Camera::pinhole(1280, 960, [1160.0, 1160.0], [642.0, 476.0]);
     let bent = Camera {
         distortion: Distortion::Radial { k: [-0.15, 0.02] },
         ..large

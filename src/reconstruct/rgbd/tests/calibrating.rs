@@ -11,7 +11,7 @@ use ostra_geometry::{Camera, Distortion, Pose};
 /// Returns the images' camera of a typical sensor: a shorter focal length, next to that of the
 /// depths and slightly rotated.
 fn adjacent() -> (Camera, Pose) {
-    let image_camera = Camera::pinhole(320, 240, 264.0, 264.0, 159.8, 119.6);
+    let image_camera = Camera::pinhole(320, 240, [264.0, 264.0], [159.8, 119.6]);
     let image_from_depth = Pose {
         rotation: DQuat::from_rotation_z(0.006),
         translation: DVec3::new(-0.026, 0.001, 0.0),

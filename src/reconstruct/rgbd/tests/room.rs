@@ -25,7 +25,7 @@ const BALLS: [(DVec3, f64); 5] = [
 
 /// Returns the camera that records the room.
 pub fn camera() -> Camera {
-    Camera::pinhole(320, 240, 290.0, 290.0, 160.5, 119.0)
+    Camera::pinhole(320, 240, [290.0, 290.0], [160.5, 119.0])
 }
 
 /// Returns the camera's pose after `step` steps of a hand that rotates 2.5° and moves some 3 cm with each.

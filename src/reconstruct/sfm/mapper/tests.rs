@@ -70,7 +70,7 @@ impl Made {
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
         let camera = Camera {
             distortion: Distortion::Radial { k: [-0.05, 0.01] },
-            ..Camera::pinhole(1280, 960, 1100.0, 1100.0, 640.0, 480.0)
+            ..Camera::pinhole(1280, 960, [1100.0, 1100.0], [640.0, 480.0])
         };
         let mut within = || rng.random_range(-1.0..1.0);
         let points: Vec<DVec3> = (0..recipe.points)

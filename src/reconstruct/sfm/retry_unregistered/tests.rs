@@ -36,10 +36,8 @@ fn camera() -> Camera {
     Camera::pinhole(
         WIDTH,
         HEIGHT,
-        FOCAL,
-        FOCAL,
-        f64::from(WIDTH) / 2.0,
-        f64::from(HEIGHT) / 2.0,
+        [FOCAL, FOCAL],
+        [f64::from(WIDTH) / 2.0, f64::from(HEIGHT) / 2.0],
     )
 }
 

@@ -245,8 +245,8 @@ mod tests {
     /// Returns three points on a line, the first two 0.2 apart, of two views with 4 × 3 pixels at
     /// half the images' size.
     fn cloud() -> DenseCloud {
-        let raster = Camera::pinhole(4, 3, 4.0, 4.0, 2.0, 1.5);
-        let camera = Camera::pinhole(8, 6, 8.0, 8.0, 4.0, 3.0);
+        let raster = Camera::pinhole(4, 3, [4.0, 4.0], [2.0, 1.5]);
+        let camera = Camera::pinhole(8, 6, [8.0, 8.0], [4.0, 3.0]);
         let by = |view, pixel| Contributor { view, pixel };
         DenseCloud {
             positions: [0.0, 0.2, 3.0].map(|x| Vec3::new(x, 0.0, 0.0)).to_vec(),

@@ -15,7 +15,7 @@ pub const SIZE: (u32, u32) = (160, 120);
 pub const BORDER: usize = 24;
 
 pub fn camera() -> Camera {
-    Camera::pinhole(SIZE.0, SIZE.1, 150.0, 150.0, 80.0, 60.0)
+    Camera::pinhole(SIZE.0, SIZE.1, [150.0, 150.0], [80.0, 60.0])
 }
 
 /// Returns a camera to the side of the first, rotated a little.

@@ -28,10 +28,8 @@ pub fn partly_flat(
     let camera = Camera::pinhole(
         width,
         height,
-        focal,
-        1.01 * focal,
-        0.5 * f64::from(width),
-        0.5 * f64::from(height),
+        [focal, 1.01 * focal],
+        [0.5 * f64::from(width), 0.5 * f64::from(height)],
     );
     let side = 0.35 * index.div_ceil(2) as f64 * if index.is_multiple_of(2) { -1.0 } else { 1.0 };
     let pose = Pose {
