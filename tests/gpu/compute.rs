@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use ostra_compute::gpu::{Binding, Device, GpuError, Pieces, Software};
+use ostra_compute::gpu::{Binding, Device, GpuError, Pieces, Software, WorkSize};
 
 const SQUARES: &str = "
 @group(0) @binding(0) var<uniform> rows: vec2u;
@@ -52,7 +52,12 @@ fn squares(device: &Device, stop_after: usize) -> Result<(Vec<u32>, Vec<Range<u3
             Ok(())
         }
     };
-    Pieces::default().run(device, (300, 1001, 8), submit, check)?;
+    let size = WorkSize {
+        width: 300,
+        rows: 1001,
+        grain: 8,
+    };
+    Pieces::default().run(device, size, submit, check)?;
     Ok((device.read(&results, 300 * 1001)?, pieces))
 }
 

@@ -6,4 +6,4 @@ mod program;
 
 pub use buffer::Buffer;
 pub use device::{Device, GpuError, Software};
-pub use program::{Binding, Bindings, Kernel, Pieces, Program, Submission};
+pub use program::{Binding, Bindings, Kernel, Pieces, Program, Submission, WorkSize};

@@ -181,6 +181,17 @@ fn entry(binding: u32, kind: Binding) -> wgpu::BindGroupLayoutEntry {
 /// a stop takes effect at once.
 const AIM: Duration = Duration::from_millis(20);
 
+/// Size of the work that [`Pieces`] divides.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct WorkSize {
+    /// Number of items in a row.
+    pub width: u32,
+    /// Number of rows.
+    pub rows: u32,
+    /// Pieces have a multiple of this many rows; at least 1.
+    pub grain: u32,
+}
+
 /// Divides long work into pieces whose size adapts to the duration of earlier pieces.
 #[derive(Debug)]
 pub struct Pieces {
@@ -195,20 +206,20 @@ impl Default for Pieces {
 }
 
 impl Pieces {
-    /// Runs work of `rows` rows of `width` items piece by piece, and waits for the end.
+    /// Runs work piece by piece, and waits for the end.
     ///
-    /// Pieces have a multiple of `grain` rows. `submit` submits a range of rows; `check` is called
-    /// before each piece.
+    /// `submit` submits a range of rows; `check` is called before each piece.
     ///
     /// # Errors
     /// Returns the errors of `submit` and `check`, or the driver's error.
     pub fn run<E: From<GpuError>>(
         &mut self,
         device: &Device,
-        (width, rows, grain): (u32, u32, u32),
+        size: WorkSize,
         mut submit: impl FnMut(Range<u32>) -> Result<Submission, GpuError>,
         mut check: impl FnMut() -> Result<(), E>,
     ) -> Result<(), E> {
+        let WorkSize { width, rows, grain } = size;
         let mut first = 0;
         let mut last_wait = Instant::now();
         let mut under_way: Option<Submission> = None;

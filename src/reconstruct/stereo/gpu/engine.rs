@@ -11,7 +11,7 @@ use crate::stereo::patchmatch::{
     Field, Level, Passes, PatchMatchOptions, PlaneMap, Processor, Round, Search, SweepState,
     search, search_consistent,
 };
-use ostra_compute::gpu::{Device, GpuError, Kernel, Pieces};
+use ostra_compute::gpu::{Device, GpuError, Pieces, WorkSize};
 use ostra_core::job::Progress;
 
 /// Side of a workgroup in pixels.
@@ -79,14 +79,7 @@ impl Passes for CardPasses<'_> {
     ) -> Result<(), StereoError> {
         for color in 0..2 {
             let turn = |rows| TurnData::scoring(color, rows);
-            run(
-                self.kernels,
-                &self.kernels.score,
-                &mut self.scoring,
-                field,
-                turn,
-                progress,
-            )?;
+            self.run(Pass::Score, field, turn, progress)?;
         }
         Ok(())
     }
@@ -100,14 +93,7 @@ impl Passes for CardPasses<'_> {
     ) -> Result<(), StereoError> {
         for color in 0..2 {
             let turn = |rows| TurnData::new(level, turn, color, rows);
-            run(
-                self.kernels,
-                &self.kernels.sweep,
-                &mut self.sweeping,
-                field,
-                turn,
-                progress,
-            )?;
+            self.run(Pass::Sweep, field, turn, progress)?;
         }
         Ok(())
     }
@@ -126,27 +112,43 @@ impl Passes for CardPasses<'_> {
     }
 }
 
-/// Processes one colour of a field, piece by piece.
-fn run(
-    Kernels { device, .. }: &Kernels,
-    kernel: &Kernel,
-    pieces: &mut Pieces,
-    field: &DeviceField,
-    turn: impl Fn(Range<u32>) -> TurnData,
-    progress: &Progress,
-) -> Result<(), StereoError> {
-    let [width, height] = [field.size[0].div_ceil(2), field.size[1]];
-    let submit = |rows: Range<u32>| {
-        let groups = [
-            width.div_ceil(GROUP),
-            (rows.end - rows.start).div_ceil(GROUP),
-        ];
-        device.write(&field.turn, 0, &[turn(rows)])?;
-        device.submit(kernel, &field.bindings, groups)
-    };
-    pieces.run(device, (width, height, GROUP), submit, || {
-        Ok(progress.check()?)
-    })
+/// A pass over the pixels of one colour.
+#[derive(Debug, Clone, Copy)]
+enum Pass {
+    Score,
+    Sweep,
+}
+
+impl CardPasses<'_> {
+    /// Processes one colour of a field, piece by piece.
+    fn run(
+        &mut self,
+        pass: Pass,
+        field: &DeviceField,
+        turn: impl Fn(Range<u32>) -> TurnData,
+        progress: &Progress,
+    ) -> Result<(), StereoError> {
+        let device = &self.kernels.device;
+        let (kernel, pieces) = match pass {
+            Pass::Score => (&self.kernels.score, &mut self.scoring),
+            Pass::Sweep => (&self.kernels.sweep, &mut self.sweeping),
+        };
+        let [width, height] = [field.size[0].div_ceil(2), field.size[1]];
+        let submit = |rows: Range<u32>| {
+            let groups = [
+                width.div_ceil(GROUP),
+                (rows.end - rows.start).div_ceil(GROUP),
+            ];
+            device.write(&field.turn, 0, &[turn(rows)])?;
+            device.submit(kernel, &field.bindings, groups)
+        };
+        let size = WorkSize {
+            width,
+            rows: height,
+            grain: GROUP,
+        };
+        pieces.run(device, size, submit, || Ok(progress.check()?))
+    }
 }
 
 /// Maximum number of views processed at once.
