@@ -12,7 +12,7 @@ use ostra_frames::{Frame, FrameCamera, FrameStore};
 use ostra_project::make_relative;
 use ostra_reconstruct::sfm::Sift;
 use ostra_reconstruct::sfm::matching::NearestMatcher;
-use ostra_reconstruct::stereo::{SparseOptions, sparse_from_cameras};
+use ostra_reconstruct::stereo::{SparseOptions, SparseRequest, sparse_from_cameras};
 
 /// Options for the comparison of two cloud files.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -141,15 +141,13 @@ fn feature_views(
         readable_frames(frames, |frame| store.image(frame).map(drop), progress)?;
     warnings.extend(unreadable);
     let views: Vec<usize> = (0..frames.len()).collect();
-    let engines = (&Sift::default() as _, &NearestMatcher::for_bytes() as _);
-    let features = sparse_from_cameras(
-        &frames,
-        &views,
-        &store,
-        engines,
-        &SparseOptions::default(),
-        progress,
-    )?;
+    let request = SparseRequest {
+        frames: &frames,
+        views: &views,
+        extractor: &Sift::default(),
+        matcher: &NearestMatcher::for_bytes(),
+    };
+    let features = sparse_from_cameras(&request, &store, &SparseOptions::default(), progress)?;
     Ok((
         FeatureViews {
             cameras: frames.iter().filter_map(posed).collect(),

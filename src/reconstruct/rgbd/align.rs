@@ -211,14 +211,11 @@ fn sums(source: &Level, target: &Level, pose: &Pose, errors: &Errors) -> Sums {
             let pixel = y * source.width + x;
             let depth = source.depths[pixel];
             if depth > 0.0 {
-                let point = target_from_source.transform(source.ray(x, y) * depth);
-                add_point(
-                    (&mut sums, &mut row),
-                    target,
-                    point,
-                    source.grey[pixel],
-                    errors,
-                );
+                let point = SourcePoint {
+                    position: target_from_source.transform(source.ray(x, y) * depth),
+                    grey: source.grey[pixel],
+                };
+                add_point(&mut sums, &mut row, target, point, errors);
             }
         }
         row.flush(&mut sums);
@@ -226,15 +223,28 @@ fn sums(source: &Level, target: &Level, pose: &Pose, errors: &Errors) -> Sums {
     sums
 }
 
-/// Adds the contribution of a source point, given in the target's axes.
+/// A point of the source.
+#[derive(Clone, Copy)]
+struct SourcePoint {
+    /// Position in the target's axes.
+    position: Vec3,
+    /// Brightness in the source's image.
+    grey: f32,
+}
+
+/// Adds the contribution of a source point.
 #[inline]
 fn add_point(
-    (sums, row): (&mut Sums, &mut RowSums),
+    sums: &mut Sums,
+    row: &mut RowSums,
     target: &Level,
-    point: Vec3,
-    grey: f32,
+    point: SourcePoint,
     errors: &Errors,
 ) {
+    let SourcePoint {
+        position: point,
+        grey,
+    } = point;
     let Errors {
         spread,
         gate,

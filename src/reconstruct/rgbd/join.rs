@@ -158,7 +158,7 @@ fn supported_by_overlap(
     let own: BTreeSet<usize> = fragment.scans.iter().copied().collect();
     let mut pairs = overlapping(scans, &poses, &BTreeSet::new());
     pairs.retain(|pair| own.contains(&pair[0]) != own.contains(&pair[1]));
-    let tried = densify(scans, &poses, (&pairs, LinkKind::Shape), progress);
+    let tried = densify(scans, &poses, &pairs, LinkKind::Shape, progress);
     if tried.iter().filter(|(_, result)| result.is_ok()).count() < MIN_SUPPORT {
         return false;
     }

@@ -96,7 +96,8 @@ pub type Tried = ([usize; 2], Result<Link, Option<Agreement>>);
 pub fn odometry(
     scans: &[Scan],
     matches: &PairMatches<'_>,
-    (seed, chain): (u64, &Chain<'_>),
+    seed: u64,
+    chain: &Chain<'_>,
     progress: &Progress,
 ) -> Result<Vec<Tried>, FeatureError> {
     let done = AtomicUsize::new(0);
@@ -213,7 +214,8 @@ fn seed_of([a, b]: [usize; 2], seed: u64) -> u64 {
 pub fn densify(
     scans: &[Scan],
     poses: &[Option<Pose>],
-    (pairs, kind): (&[[usize; 2]], LinkKind),
+    pairs: &[[usize; 2]],
+    kind: LinkKind,
     progress: &Progress,
 ) -> Vec<Tried> {
     let done = AtomicUsize::new(0);

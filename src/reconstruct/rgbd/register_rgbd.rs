@@ -98,7 +98,8 @@ pub fn register_rgbd(
         graph.add(densify(
             &scans,
             &graph.poses,
-            (&pairs, LinkKind::Overlap),
+            &pairs,
+            LinkKind::Overlap,
             progress,
         ));
         graph.solve();
@@ -114,8 +115,7 @@ pub fn register_rgbd(
         .zip(&graph.poses)
         .map(|(scan, pose)| (scan.frame, *pose))
         .collect();
-    for (number, outcome, pose) in place_between(request, (&scans, &graph.poses), store, progress)?
-    {
+    for (number, outcome, pose) in place_between(request, &scans, &graph.poses, store, progress)? {
         outcomes.insert(number, outcome);
         poses.push((number, pose));
     }
@@ -175,7 +175,8 @@ fn links(
     let mut tried = odometry(
         scans,
         &matches,
-        (seed, &Chain::new(scans, request.on_pose)),
+        seed,
+        &Chain::new(scans, request.on_pose),
         progress,
     )?;
     if progress.stage("loops").is_ok() {
@@ -210,7 +211,8 @@ type Between = (usize, Outcome, Option<Pose>);
 /// If features cannot be extracted or matched.
 fn place_between(
     request: &RgbdRequest<'_>,
-    (scans, placed): (&[Scan], &[Option<Pose>]),
+    scans: &[Scan],
+    placed: &[Option<Pose>],
     store: &FrameStore,
     progress: &Progress,
 ) -> Result<Vec<Between>, RgbdError> {

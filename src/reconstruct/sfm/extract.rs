@@ -24,92 +24,106 @@ pub struct ImageFeatures {
 /// Returns the allowed pixels of a frame by its number: `width · height` values row by row; `None` = all.
 pub type AllowedPixels<'a> = &'a dyn Fn(usize) -> Option<Vec<bool>>;
 
-/// Extracts features of the chosen frames, in their order. An unreadable image has none.
-///
-/// # Errors
-/// [`SfmError::Feature`] if the extractor fails, [`SfmError::Stopped`].
-pub fn extract(
-    frames: &[Frame],
-    chosen: &[usize],
-    store: &FrameStore,
-    extractor: &dyn FeatureExtractor,
-    allowed: AllowedPixels<'_>,
-    progress: &Progress,
-) -> Result<Vec<ImageFeatures>, SfmError> {
-    let mut all = Vec::with_capacity(chosen.len());
-    for (done, &number) in chosen.iter().enumerate() {
-        progress.step(done, chosen.len())?;
-        let next: Vec<Frame> = chosen[done + 1..]
-            .iter()
-            .take(AHEAD)
-            .map(|&next| frames[next].clone())
-            .collect();
-        store.prefetch(&next);
-        all.push(of_image(
-            &frames[number],
+/// Extracts features of frames, given by number.
+#[derive(Clone, Copy)]
+pub struct FrameFeatureExtractor<'a> {
+    /// All frames of the project.
+    pub frames: &'a [Frame],
+    /// Reads their images.
+    pub store: &'a FrameStore,
+    /// Extracts features of an image.
+    pub extractor: &'a dyn FeatureExtractor,
+    /// Pixels where features may lie.
+    pub allowed: AllowedPixels<'a>,
+}
+
+impl FrameFeatureExtractor<'_> {
+    /// Extracts features of the chosen frames, in their order. An unreadable image has none.
+    ///
+    /// # Errors
+    /// [`SfmError::Feature`] if the extractor fails, [`SfmError::Stopped`].
+    pub fn of_frames(
+        &self,
+        chosen: &[usize],
+        progress: &Progress,
+    ) -> Result<Vec<ImageFeatures>, SfmError> {
+        let mut all = Vec::with_capacity(chosen.len());
+        for (done, &number) in chosen.iter().enumerate() {
+            progress.step(done, chosen.len())?;
+            let next: Vec<Frame> = chosen[done + 1..]
+                .iter()
+                .take(AHEAD)
+                .map(|&next| self.frames[next].clone())
+                .collect();
+            self.store.prefetch(&next);
+            all.push(self.of_frame(number)?);
+        }
+        Ok(all)
+    }
+
+    /// Extracts features of one frame's image; none if it cannot be read.
+    ///
+    /// # Errors
+    /// As [`Self::of_frames`].
+    pub fn of_frame(&self, number: usize) -> Result<ImageFeatures, SfmError> {
+        let Self {
+            frames,
             store,
             extractor,
-            allowed(number).as_deref(),
-        )?);
+            allowed,
+        } = *self;
+        let (frame, allowed) = (&frames[number], allowed(number));
+        let image = match store.image(frame) {
+            Ok(image) => image,
+            Err(error) => return Ok(none(frame, error.to_string())),
+        };
+        let allowed = match opaque(frame, store, allowed.as_deref()) {
+            Ok(allowed) => allowed,
+            Err(error) => return Ok(none(frame, error.to_string())),
+        };
+        let features = extractor.extract(
+            &image.luma(),
+            image.width as usize,
+            image.height as usize,
+            allowed.as_deref(),
+        )?;
+        Ok(coloured(features, &image))
     }
-    Ok(all)
-}
 
-/// Extracts features of one frame's image; none if it cannot be read.
-///
-/// # Errors
-/// As [`extract`].
-pub fn of_image(
-    frame: &Frame,
-    store: &FrameStore,
-    extractor: &dyn FeatureExtractor,
-    allowed: Option<&[bool]>,
-) -> Result<ImageFeatures, SfmError> {
-    let image = match store.image(frame) {
-        Ok(image) => image,
-        Err(error) => return Ok(none(frame, error.to_string())),
-    };
-    let allowed = match opaque(frame, store, allowed) {
-        Ok(allowed) => allowed,
-        Err(error) => return Ok(none(frame, error.to_string())),
-    };
-    let features = extractor.extract(
-        &image.luma(),
-        image.width as usize,
-        image.height as usize,
-        allowed.as_deref(),
-    )?;
-    Ok(coloured(features, &image))
-}
-
-/// Extracts features of simulated tilted views of a frame's image, at their positions in the image itself.
-///
-/// Returns nothing if the image cannot be read.
-///
-/// # Errors
-/// As [`extract`].
-pub fn tilted_image(
-    frame: &Frame,
-    store: &FrameStore,
-    extractor: &dyn FeatureExtractor,
-    allowed: Option<&[bool]>,
-    progress: &Progress,
-) -> Result<Vec<ImageFeatures>, SfmError> {
-    let Ok(image) = store.image(frame) else {
-        return Ok(Vec::new());
-    };
-    let Ok(allowed) = opaque(frame, store, allowed) else {
-        return Ok(Vec::new());
-    };
-    let (grey, size) = (image.luma(), [image.width as usize, image.height as usize]);
-    let under = |tilt: Tilt| {
-        progress.check()?;
-        Ok(coloured(
-            tilted_features(extractor, &grey, size, allowed.as_deref(), tilt)?,
-            &image,
-        ))
-    };
-    Tilt::all().into_iter().map(under).collect()
+    /// Extracts features of simulated tilted views of a frame's image, at their positions in the image itself.
+    ///
+    /// Returns nothing if the image cannot be read.
+    ///
+    /// # Errors
+    /// As [`Self::of_frames`].
+    pub fn tilted(
+        &self,
+        number: usize,
+        progress: &Progress,
+    ) -> Result<Vec<ImageFeatures>, SfmError> {
+        let Self {
+            frames,
+            store,
+            extractor,
+            allowed,
+        } = *self;
+        let (frame, allowed) = (&frames[number], allowed(number));
+        let Ok(image) = store.image(frame) else {
+            return Ok(Vec::new());
+        };
+        let Ok(allowed) = opaque(frame, store, allowed.as_deref()) else {
+            return Ok(Vec::new());
+        };
+        let (grey, size) = (image.luma(), [image.width as usize, image.height as usize]);
+        let under = |tilt: Tilt| {
+            progress.check()?;
+            Ok(coloured(
+                tilted_features(extractor, &grey, size, allowed.as_deref(), tilt)?,
+                &image,
+            ))
+        };
+        Tilt::all().into_iter().map(under).collect()
+    }
 }
 
 /// Removes transparent pixels, which show nothing of the scene, from the allowed ones.

@@ -2,7 +2,7 @@ use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
 
-use super::extract::{ImageFeatures, of_image};
+use super::extract::ImageFeatures;
 use super::request::SfmRequest;
 use super::{IntrinsicsSource, KeypointId, MapProblem, Outcome, SfmError, SparseModel};
 use ostra_core::statistics::upper_median;
@@ -42,12 +42,7 @@ impl Locator<'_> {
     /// Estimates the pose of a frame from its matches with mapped frames near it in the sequence.
     pub fn locate(&self, number: usize, store: &FrameStore) -> Result<Located, SfmError> {
         let frame = &self.request.frames[number];
-        let query = of_image(
-            frame,
-            store,
-            self.request.extractor,
-            (self.request.allowed)(number).as_deref(),
-        )?;
+        let query = self.request.frame_extractor(store).of_frame(number)?;
         if let Some(why) = query.unreadable {
             return Ok(Located {
                 camera: None,

@@ -31,8 +31,8 @@ pub use features::{
     Descriptors, FeatureError, FeatureExtractor, FeatureMatcher, Features, PairMatches,
 };
 pub use groups::CameraGroups;
-pub use mapper::{Mapped, MapperOptions, Refusal, Start, map};
-pub use pairs::{PairOptions, TriedPair, choose_pairs, match_pairs};
+pub use mapper::{FirstPairRequirement, Mapped, MapperOptions, Refusal, Start, map};
+pub use pairs::{MatchedImages, PairOptions, TriedPair, choose_pairs, match_pairs};
 pub use pipeline::structure_from_motion;
 pub use problem::{
     Correspondences, IntrinsicsSource, KeypointId, MapCamera, MapImage, MapProblem, ModelPoint,

@@ -113,6 +113,36 @@ pub struct TriedPair {
     pub verified: Option<VerifiedPair>,
 }
 
+/// Images that are matched with each other.
+#[derive(Debug, Clone, Copy)]
+pub struct MatchedImages<'a> {
+    /// Features of each image.
+    pub features: &'a [&'a Features],
+    /// Camera of each image.
+    pub cameras: &'a [MapCamera],
+}
+
+impl<'a> MatchedImages<'a> {
+    fn get(self, image: usize) -> MatchedImage<'a> {
+        MatchedImage {
+            image,
+            features: self.features[image],
+            camera: self.cameras[image],
+        }
+    }
+}
+
+/// One of the images that are matched with each other.
+#[derive(Clone, Copy)]
+pub(super) struct MatchedImage<'a> {
+    /// Its number.
+    pub image: usize,
+    /// Its features.
+    pub features: &'a Features,
+    /// Its camera.
+    pub camera: MapCamera,
+}
+
 /// Matches pairs of images and keeps the matches that agree with a two-view geometry.
 ///
 /// The result is in the order of the pairs.
@@ -120,35 +150,30 @@ pub struct TriedPair {
 /// # Errors
 /// [`SfmError`] if the matcher fails or the run is stopped.
 pub fn match_pairs(
-    features: &[&Features],
-    cameras: &[MapCamera],
+    images: MatchedImages<'_>,
     pairs: &[(usize, usize)],
     matcher: &dyn FeatureMatcher,
     seed: u64,
     progress: &Progress,
 ) -> Result<Vec<TriedPair>, SfmError> {
     let done = AtomicUsize::new(0);
-    let matcher = matcher.of_pairs(features, pairs)?;
+    let matcher = matcher.of_pairs(images.features, pairs)?;
     let tried = pairs.par_iter().map(|&(first, second)| {
         let matches = matcher(first, second)?;
-        let both = [
-            (first, features[first], cameras[first]),
-            (second, features[second], cameras[second]),
-        ];
-        let tried = verify(both, &matches, seed);
+        let tried = verify(
+            [first, second].map(|image| images.get(image)),
+            &matches,
+            seed,
+        );
         progress.step(done.fetch_add(1, Ordering::Relaxed) + 1, pairs.len())?;
         Ok(tried)
     });
     tried.collect()
 }
 
-/// Verifies the matches of two images, given by number; the lower number comes first.
-pub(super) fn verify(
-    both: [(usize, &Features, MapCamera); 2],
-    matches: &[(u32, u32)],
-    seed: u64,
-) -> TriedPair {
-    let images = both.map(|(image, _, _)| image as u32);
+/// Verifies the matches of two images; the lower number comes first.
+pub(super) fn verify(both: [MatchedImage<'_>; 2], matches: &[(u32, u32)], seed: u64) -> TriedPair {
+    let images = both.map(|matched| matched.image as u32);
     TriedPair {
         images,
         matches: matches.len(),
@@ -157,31 +182,36 @@ pub(super) fn verify(
 }
 
 fn agreeing(
-    both: [(usize, &Features, MapCamera); 2],
+    both: [MatchedImage<'_>; 2],
     matches: &[(u32, u32)],
     seed: u64,
 ) -> Option<VerifiedPair> {
-    let [(first, a, camera_a), (second, b, camera_b)] = both;
+    let [a, b] = both;
     let at_px: Vec<[DVec2; 2]> = matches
         .iter()
-        .map(|&(i, j)| [a.keypoints[i as usize], b.keypoints[j as usize]])
+        .map(|&(i, j)| {
+            [
+                a.features.keypoints[i as usize],
+                b.features.keypoints[j as usize],
+            ]
+        })
         .collect();
     let options = TwoViewOptions {
-        seed: seed ^ ((first as u64) << 32 | second as u64),
+        seed: seed ^ ((a.image as u64) << 32 | b.image as u64),
         ..TwoViewOptions::default()
     };
-    let calibrated = [camera_a, camera_b]
+    let calibrated = both
         .iter()
-        .all(|camera| camera.source == IntrinsicsSource::Given);
+        .all(|matched| matched.camera.source == IntrinsicsSource::Given);
     let found = estimate_two_view(
-        [&camera_a.intrinsics, &camera_b.intrinsics],
+        [&a.camera.intrinsics, &b.camera.intrinsics],
         calibrated,
         &at_px,
         &options,
     )?;
     let chosen = |&i: &u32| matches[i as usize];
     Some(VerifiedPair {
-        images: [first as u32, second as u32],
+        images: [a.image as u32, b.image as u32],
         matches: found
             .inliers
             .iter()

@@ -1,13 +1,13 @@
 use std::collections::BTreeMap;
 
-use super::extract::{ImageFeatures, extract};
+use super::extract::ImageFeatures;
 use super::locate::{Located, Locator};
-use super::registration_report::{Outcome, outcomes, why_no_start};
+use super::registration_report::{Outcome, RegistrationReport, why_no_start};
 use super::request::{SfmRequest, error_px, frame_cameras, sparse_points};
 use super::retry_unregistered::{Attempt, retry_unregistered};
 use super::{
-    CameraGroups, Features, KeypointId, MapImage, MapProblem, Mapped, SfmError, SfmResult,
-    SparseModel, TriedPair, choose_pairs, map, match_pairs, metric_scale,
+    CameraGroups, Features, KeypointId, MapImage, MapProblem, Mapped, MatchedImages, SfmError,
+    SfmResult, SparseModel, TriedPair, choose_pairs, map, match_pairs, metric_scale,
 };
 use ostra_core::job::Progress;
 use ostra_core::statistics::upper_median;
@@ -29,14 +29,9 @@ pub fn structure_from_motion(
 ) -> Result<SfmResult, SfmError> {
     progress.stage("find features")?;
     let frames = request.frames;
-    let images = extract(
-        frames,
-        request.mapped,
-        store,
-        request.extractor,
-        request.allowed,
-        progress,
-    )?;
+    let images = request
+        .frame_extractor(store)
+        .of_frames(request.mapped, progress)?;
     progress.stage("match")?;
     let chosen: Vec<&Frame> = request
         .mapped
@@ -129,9 +124,12 @@ fn problem(
         .iter()
         .map(|&camera| groups.cameras[camera])
         .collect();
+    let matched = MatchedImages {
+        features: &features,
+        cameras: &cameras,
+    };
     let tried = match_pairs(
-        &features,
-        &cameras,
+        matched,
         &pairs,
         request.matcher,
         request.mapper.seed,
@@ -192,14 +190,13 @@ fn account(
     models: &[Mapped],
 ) -> BTreeMap<usize, Outcome> {
     let placed = |image: usize| residual(problem, &models.first()?.model, image);
-    let outcomes = outcomes(
-        request.mapped,
-        &found(images),
+    let report = RegistrationReport {
+        frame_of: request.mapped,
         tried,
         models,
-        &request.mapper,
-        &placed,
-    );
+        options: &request.mapper,
+    };
+    let outcomes = report.outcomes(&found(images), &placed);
     request.mapped.iter().copied().zip(outcomes).collect()
 }
 

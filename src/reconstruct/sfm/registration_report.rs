@@ -168,77 +168,88 @@ impl Outcome {
     }
 }
 
-/// Returns the outcome of each image.
-///
-/// `frame_of` maps an image to its frame. `features` holds the number of features per image (`Err`
-/// = why it cannot be read), and `tried` the pairs that were matched. `models` starts with the kept
-/// one; `placed` gives the number of points and the median error of an image in it.
-#[must_use]
-pub fn outcomes(
-    frame_of: &[usize],
-    features: &[Result<usize, String>],
-    tried: &[TriedPair],
-    models: &[Mapped],
-    options: &MapperOptions,
-    placed: &dyn Fn(usize) -> Option<(usize, f64)>,
-) -> Vec<Outcome> {
-    let outcome = |(image, found): (usize, &Result<usize, String>)| {
-        if let Some((points, error_px)) = placed(image) {
-            return Outcome::Placed { points, error_px };
-        }
-        match found {
-            Err(why) => Outcome::Unreadable { why: why.clone() },
-            Ok(found) if *found < FEW_FEATURES => Outcome::FewFeatures { found: *found },
-            Ok(_) => left_out(image, frame_of, tried, models, options),
-        }
-    };
-    features.iter().enumerate().map(outcome).collect()
+/// Result of matching and mapping, from which the outcomes of images follow.
+pub struct RegistrationReport<'a> {
+    /// Frame of each image.
+    pub frame_of: &'a [usize],
+    /// The pairs that were matched.
+    pub tried: &'a [TriedPair],
+    /// The models, the kept one first.
+    pub models: &'a [Mapped],
+    /// Options of the mapper.
+    pub options: &'a MapperOptions,
 }
 
-fn left_out(
-    image: usize,
-    frame_of: &[usize],
-    tried: &[TriedPair],
-    models: &[Mapped],
-    options: &MapperOptions,
-) -> Outcome {
-    let frame = |nearest: Option<(usize, usize)>| {
-        nearest.map(|(image, matches)| (frame_of[image], matches))
-    };
-    let is_in = |mapped: &&Mapped| mapped.model.is_placed(image as u32);
-    if let Some(other) = models.iter().skip(1).find(is_in) {
-        let model = models
-            .iter()
-            .position(|mapped| std::ptr::eq(mapped, other))
-            .unwrap_or(0)
-            + 1;
-        return Outcome::OtherModel {
-            model,
-            images: other.model.placed().count(),
+impl RegistrationReport<'_> {
+    /// Returns the outcome of each image.
+    ///
+    /// `features` holds the number of features per image (`Err` = why it cannot be read). `placed`
+    /// gives the number of points and the median error of an image in the kept model.
+    #[must_use]
+    pub fn outcomes(
+        &self,
+        features: &[Result<usize, String>],
+        placed: &dyn Fn(usize) -> Option<(usize, f64)>,
+    ) -> Vec<Outcome> {
+        let outcome = |(image, found): (usize, &Result<usize, String>)| {
+            if let Some((points, error_px)) = placed(image) {
+                return Outcome::Placed { points, error_px };
+            }
+            match found {
+                Err(why) => Outcome::Unreadable { why: why.clone() },
+                Ok(found) if *found < FEW_FEATURES => Outcome::FewFeatures { found: *found },
+                Ok(_) => self.left_out(image),
+            }
         };
+        features.iter().enumerate().map(outcome).collect()
     }
-    let verified = most(image, tried, |pair| {
-        pair.verified.as_ref().map_or(0, |pair| pair.matches.len())
-    });
-    if verified.is_none() {
-        return Outcome::NoPair {
-            nearest: frame(most(image, tried, |pair| pair.matches)),
+
+    /// Returns the outcome of an image with enough features that the kept model does not contain.
+    fn left_out(&self, image: usize) -> Outcome {
+        let Self {
+            frame_of,
+            tried,
+            models,
+            options,
+        } = *self;
+        let frame = |nearest: Option<(usize, usize)>| {
+            nearest.map(|(image, matches)| (frame_of[image], matches))
         };
-    }
-    let refused = models
-        .first()
-        .and_then(|mapped| mapped.refused.get(&(image as u32)));
-    match refused {
-        Some(refusal) if refusal.seen >= options.pose_inliers => Outcome::NoPose {
-            seen: refusal.seen,
-            agreeing: refusal.agreeing,
-        },
-        _ if models.first().is_some_and(|mapped| mapped.stopped) => Outcome::NotReached,
-        refusal => Outcome::FewPoints {
-            seen: refusal.map_or(0, |refusal| refusal.seen),
-            needed: options.pose_inliers,
-            nearest: frame(verified),
-        },
+        let is_in = |mapped: &&Mapped| mapped.model.is_placed(image as u32);
+        if let Some(other) = models.iter().skip(1).find(is_in) {
+            let model = models
+                .iter()
+                .position(|mapped| std::ptr::eq(mapped, other))
+                .unwrap_or(0)
+                + 1;
+            return Outcome::OtherModel {
+                model,
+                images: other.model.placed().count(),
+            };
+        }
+        let verified = most(image, tried, |pair| {
+            pair.verified.as_ref().map_or(0, |pair| pair.matches.len())
+        });
+        if verified.is_none() {
+            return Outcome::NoPair {
+                nearest: frame(most(image, tried, |pair| pair.matches)),
+            };
+        }
+        let refused = models
+            .first()
+            .and_then(|mapped| mapped.refused.get(&(image as u32)));
+        match refused {
+            Some(refusal) if refusal.seen >= options.pose_inliers => Outcome::NoPose {
+                seen: refusal.seen,
+                agreeing: refusal.agreeing,
+            },
+            _ if models.first().is_some_and(|mapped| mapped.stopped) => Outcome::NotReached,
+            refusal => Outcome::FewPoints {
+                seen: refusal.map_or(0, |refusal| refusal.seen),
+                needed: options.pose_inliers,
+                nearest: frame(verified),
+            },
+        }
     }
 }
 

@@ -2,13 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use super::extract::AllowedPixels;
+use super::extract::{AllowedPixels, FrameFeatureExtractor};
 use super::{
     FeatureExtractor, FeatureMatcher, ImageFeatures, KeypointId, MapProblem, MapperOptions,
     MetricScale, Outcome, PairOptions, SparseModel, Start,
 };
 use ostra_frames::cameras::{SparseKeypoint, SparsePoint, SparsePoints};
-use ostra_frames::{Frame, FrameCamera};
+use ostra_frames::{Frame, FrameCamera, FrameStore};
 use ostra_geometry::Pose;
 
 /// Input of structure from motion.
@@ -31,6 +31,18 @@ pub struct SfmRequest<'a> {
     pub pairs: PairOptions,
     /// Options of the mapper.
     pub mapper: MapperOptions,
+}
+
+impl<'a> SfmRequest<'a> {
+    /// Returns the extractor of the features of frames, whose images `store` reads.
+    pub(super) fn frame_extractor(&self, store: &'a FrameStore) -> FrameFeatureExtractor<'a> {
+        FrameFeatureExtractor {
+            frames: self.frames,
+            store,
+            extractor: self.extractor,
+            allowed: self.allowed,
+        }
+    }
 }
 
 /// Result of structure from motion.

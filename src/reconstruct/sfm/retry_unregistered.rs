@@ -6,9 +6,8 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use super::asift::{Merged, one_to_one};
-use super::extract::tilted_image;
 use super::matching::NearestMatcher;
-use super::pairs::verify;
+use super::pairs::{MatchedImage, verify};
 use super::registration_report::FEW_FEATURES;
 use super::request::SfmRequest;
 use super::{
@@ -89,17 +88,8 @@ fn retry(
     progress.stage("match unregistered images again")?;
     for (done, &image) in images.iter().enumerate() {
         progress.step(done, images.len())?;
-        let (frame, allowed) = (
-            request.mapped[image],
-            (request.allowed)(request.mapped[image]),
-        );
-        let views = tilted_image(
-            &request.frames[frame],
-            store,
-            request.extractor,
-            allowed.as_deref(),
-            progress,
-        )?;
+        let frame = request.mapped[image];
+        let views = request.frame_extractor(store).tilted(frame, progress)?;
         let look = Retry {
             attempt: first,
             model: &kept.model,
@@ -286,11 +276,17 @@ impl Retry<'_> {
 
     /// Verifies the matches of this image with another one.
     fn verified(&self, image: &ImageFeatures, other: usize, matches: &[(u32, u32)]) -> TriedPair {
-        let camera =
-            |image: usize| self.attempt.problem.cameras[self.attempt.problem.images[image].camera];
-        let own = (self.image, &image.features, camera(self.image));
-        let other = (other, &self.attempt.images[other].features, camera(other));
-        if own.0 < other.0 {
+        let Attempt {
+            problem, images, ..
+        } = self.attempt;
+        let numbered = |image: usize, features| MatchedImage {
+            image,
+            features,
+            camera: problem.cameras[problem.images[image].camera],
+        };
+        let own = numbered(self.image, &image.features);
+        let other = numbered(other, &images[other].features);
+        if own.image < other.image {
             return verify([own, other], matches, self.seed);
         }
         let turned: Vec<(u32, u32)> = matches.iter().map(|&(a, b)| (b, a)).collect();

@@ -55,6 +55,19 @@ struct View {
     scale: DVec2,
 }
 
+/// Input of sparse points: frames with known cameras, and what finds their features.
+#[derive(Clone, Copy)]
+pub struct SparseRequest<'a> {
+    /// All frames, by number.
+    pub frames: &'a [Frame],
+    /// Numbers of the frames that are matched.
+    pub views: &'a [usize],
+    /// Extracts features.
+    pub extractor: &'a dyn FeatureExtractor,
+    /// Matches features.
+    pub matcher: &'a dyn FeatureMatcher,
+}
+
 /// Computes sparse points from features matched between posed views.
 ///
 /// Observations are in pixels of the frames (without distortion if a lens has some). Views that
@@ -63,13 +76,17 @@ struct View {
 /// # Errors
 /// [`StereoError::Sfm`] if features cannot be extracted or matched, [`StereoError::Stopped`].
 pub fn sparse_from_cameras(
-    frames: &[Frame],
-    views: &[usize],
+    request: &SparseRequest<'_>,
     store: &FrameStore,
-    (extractor, matcher): (&dyn FeatureExtractor, &dyn FeatureMatcher),
     options: &SparseOptions,
     progress: &Progress,
 ) -> Result<SparsePoints, StereoError> {
+    let SparseRequest {
+        frames,
+        views,
+        extractor,
+        matcher,
+    } = *request;
     progress.stage("features")?;
     let mut found = Vec::new();
     for (done, &number) in views.iter().enumerate() {
@@ -129,13 +146,20 @@ fn view(
     }))
 }
 
-/// Returns tracks of (view, keypoint) over all matches that agree with the poses.
+/// A keypoint of one of the views.
+#[derive(Debug, Clone, Copy)]
+struct ViewKeypoint {
+    view: usize,
+    keypoint: usize,
+}
+
+/// Returns tracks of keypoints over all matches that agree with the poses.
 fn matched_tracks(
     views: &[View],
     matcher: &dyn FeatureMatcher,
     options: &SparseOptions,
     progress: &Progress,
-) -> Result<Vec<Vec<(usize, usize)>>, StereoError> {
+) -> Result<Vec<Vec<ViewKeypoint>>, StereoError> {
     progress.stage("match")?;
     let features: Vec<&Features> = views.iter().map(|view| &view.features).collect();
     let pairs = choose_pairs(&features, &vec![0; views.len()], &PairOptions::default());
@@ -161,9 +185,13 @@ fn matched_tracks(
             .map(agreeing)
             .collect::<Result<_, StereoError>>()?;
         for (&(first, second), found) in some.iter().zip(found) {
-            found
-                .into_iter()
-                .for_each(|(a, b)| tracks.join((first, a as usize), (second, b as usize)));
+            for (a, b) in found {
+                let of_view = |view: usize, keypoint: u32| ViewKeypoint {
+                    view,
+                    keypoint: keypoint as usize,
+                };
+                tracks.join(of_view(first, a), of_view(second, b));
+            }
         }
     }
     Ok(tracks.finish())
@@ -191,12 +219,12 @@ fn line_distance(lines: DMat3, [a, b]: [DVec2; 2]) -> f64 {
 fn add_point(
     sparse: &mut SparsePoints,
     views: &[View],
-    track: &[(usize, usize)],
+    track: &[ViewKeypoint],
     options: &SparseOptions,
 ) {
     let observations: Vec<RayObservation<'_>> = track
         .iter()
-        .map(|&(view, keypoint)| {
+        .map(|&ViewKeypoint { view, keypoint }| {
             let at_px = views[view].features.keypoints[keypoint];
             let camera = &views[view].camera;
             RayObservation {
@@ -217,9 +245,9 @@ fn add_point(
     let number = sparse.points.len() as u32;
     let color = track
         .first()
-        .map_or([0; 3], |&(view, keypoint)| views[view].colors[keypoint]);
+        .map_or([0; 3], |seen| views[seen.view].colors[seen.keypoint]);
     for &inlier in &made.inliers {
-        let (view, keypoint) = track[inlier as usize];
+        let ViewKeypoint { view, keypoint } = track[inlier as usize];
         let at_px = views[view].features.keypoints[keypoint] * views[view].scale;
         let seen = SparseKeypoint {
             at_px,
@@ -255,33 +283,33 @@ impl Tracks {
         Self { first, sets }
     }
 
-    /// Joins the tracks of two (view, keypoint).
-    pub fn join(&mut self, a: (usize, usize), b: (usize, usize)) {
-        let [a, b] = [a, b].map(|(view, keypoint)| (self.first[view] + keypoint) as u32);
+    /// Joins the tracks of two keypoints.
+    pub fn join(&mut self, a: ViewKeypoint, b: ViewKeypoint) {
+        let [a, b] = [a, b].map(|seen| (self.first[seen.view] + seen.keypoint) as u32);
         self.sets.unite(a, b);
     }
 
-    /// Returns the tracks of two or more (view, keypoint).
+    /// Returns the tracks of two or more keypoints.
     ///
     /// Keypoints of views that occur twice are left out: one of the two is wrong.
-    pub fn finish(mut self) -> Vec<Vec<(usize, usize)>> {
-        let mut members: BTreeMap<u32, Vec<(usize, usize)>> = BTreeMap::new();
+    pub fn finish(mut self) -> Vec<Vec<ViewKeypoint>> {
+        let mut members: BTreeMap<u32, Vec<ViewKeypoint>> = BTreeMap::new();
         for view in 0..self.first.len() - 1 {
             for at in self.first[view]..self.first[view + 1] {
                 let root = self.sets.root(at as u32);
-                members
-                    .entry(root)
-                    .or_default()
-                    .push((view, at - self.first[view]));
+                members.entry(root).or_default().push(ViewKeypoint {
+                    view,
+                    keypoint: at - self.first[view],
+                });
             }
         }
-        let mut tracks: Vec<Vec<(usize, usize)>> = members
+        let mut tracks: Vec<Vec<ViewKeypoint>> = members
             .into_values()
             .filter(|track| track.len() > 1)
             .collect();
         for track in &mut tracks {
             let all = track.clone();
-            track.retain(|&(view, _)| all.iter().filter(|other| other.0 == view).count() == 1);
+            track.retain(|seen| all.iter().filter(|other| other.view == seen.view).count() == 1);
         }
         tracks.retain(|track| track.len() > 1);
         tracks

@@ -22,7 +22,9 @@ use ostra_project::reusable_votes::{ReusableVotes, geometry_digest};
 use ostra_project::store::{DepthFolder, cloud_path, sync_folder, votes_path};
 use ostra_project::voted_cloud::save_votes;
 use ostra_project::{Coordinates, Edit, FuseRequest, Project, ResultKind, ResultRecord};
-use ostra_reconstruct::stereo::{DenseCloud, FusionOptions, ViewOutcome, fuse_depths};
+use ostra_reconstruct::stereo::{
+    DenseCloud, FusionOptions, FusionRequest, ViewOutcome, fuse_depths,
+};
 
 /// Maximum number of points from stereo depths if no voxel size is given.
 const STEREO_POINTS: usize = 4_000_000;
@@ -308,11 +310,14 @@ fn dense_cloud(
         .into_iter()
         .filter_map(compared)
         .collect();
-    let source = (store, account.max_side);
-    let (cloud, unreadable) = fuse_depths(
+    let request = FusionRequest {
         frames,
-        &neighbours,
-        source,
+        neighbours: &neighbours,
+        max_side: account.max_side,
+    };
+    let (cloud, unreadable) = fuse_depths(
+        &request,
+        store,
         &folder,
         &FusionOptions::default(),
         progress,

@@ -26,8 +26,8 @@ use ostra_reconstruct::sfm::{
     CachedExtractor, CachedMatcher, FeatureCache, FeatureExtractor, Sift, undistort_mask,
 };
 use ostra_reconstruct::stereo::{
-    DepthStore, Engine, SparseOptions, StereoError, StereoOptions, StereoRequest, ViewOutcome,
-    estimate_depths, sparse_from_cameras,
+    DepthStore, Engine, SparseOptions, SparseRequest, StereoError, StereoOptions, StereoRequest,
+    ViewOutcome, estimate_depths, sparse_from_cameras,
 };
 
 /// Inputs of stereo.
@@ -348,15 +348,13 @@ fn sparse_points(
         identity: &of_nearest,
         cache: &cache,
     };
-    let engines = (&extractor as _, &matcher as _);
-    let sparse = sparse_from_cameras(
-        &project.frames,
+    let request = SparseRequest {
+        frames: &project.frames,
         views,
-        store,
-        engines,
-        &SparseOptions::default(),
-        progress,
-    )?;
+        extractor: &extractor,
+        matcher: &matcher,
+    };
+    let sparse = sparse_from_cameras(&request, store, &SparseOptions::default(), progress)?;
     cache.save();
     write_colmap_model(
         &folder.sparse(),

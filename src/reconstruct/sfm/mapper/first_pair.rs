@@ -20,9 +20,18 @@ pub enum Start {
         matches: usize,
         /// Median angle between the rays of these matches in radians.
         parallax: f64,
-        /// Required number of matches and parallax in radians. Lower than in the options if no pair had as much.
-        queries: (usize, f64),
+        /// What was required of it.
+        required: FirstPairRequirement,
     },
+}
+
+/// What is required of the first pair; less than in the options if no pair has as much.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FirstPairRequirement {
+    /// Minimum number of matches.
+    pub matches: usize,
+    /// Minimum parallax in radians.
+    pub parallax: f64,
 }
 
 /// Shares of the required matches and parallax, tried one after the other for the first pair.
@@ -46,23 +55,24 @@ impl Mapper<'_> {
     pub fn start_from_pair(&mut self) -> Result<Option<Start>, Stopped> {
         let problem = self.problem;
         let mut tried = BTreeSet::new();
-        for queries in RELAXED.map(|(matches, parallax)| relaxed(self.options, matches, parallax)) {
+        for required in RELAXED.map(|(matches, parallax)| relaxed(self.options, matches, parallax))
+        {
             let mut ranked: Vec<(usize, &VerifiedPair)> =
                 problem.pairs.iter().enumerate().collect();
             ranked
-                .retain(|(number, pair)| !tried.contains(number) && self.may_start(pair, queries));
+                .retain(|(number, pair)| !tried.contains(number) && self.may_start(pair, required));
             ranked.sort_by_key(|(number, pair)| (std::cmp::Reverse(pair.matches.len()), *number));
             for (number, pair) in ranked.into_iter().take(TRIES) {
                 self.progress.check()?;
                 tried.insert(number);
-                if self.try_pair(pair, queries)? {
+                if self.try_pair(pair, required)? {
                     let (images, matches, parallax) =
                         (pair.images, pair.matches.len(), pair.parallax);
                     return Ok(Some(Start::Pair {
                         images,
                         matches,
                         parallax,
-                        queries,
+                        required,
                     }));
                 }
             }
@@ -70,19 +80,19 @@ impl Mapper<'_> {
         Ok(None)
     }
 
-    fn may_start(&self, pair: &VerifiedPair, (matches, parallax): (usize, f64)) -> bool {
+    fn may_start(&self, pair: &VerifiedPair, required: FirstPairRequirement) -> bool {
         pair.images.iter().all(|&image| self.is_open(image))
             && pair.second_from_first.is_some()
             && pair.kind != TwoViewKind::Panoramic
-            && pair.matches.len() >= matches
-            && pair.parallax >= parallax
+            && pair.matches.len() >= required.matches
+            && pair.parallax >= required.parallax
     }
 
     /// Places the pair; undoes this if it yields too few points.
     fn try_pair(
         &mut self,
         pair: &VerifiedPair,
-        (matches, parallax): (usize, f64),
+        required: FirstPairRequirement,
     ) -> Result<bool, Stopped> {
         let Some(second_from_first) = pair.second_from_first else {
             return Ok(false);
@@ -92,8 +102,8 @@ impl Mapper<'_> {
         self.place(second, second_from_first);
         self.triangulate_image(second);
         self.adjust_around(second)?;
-        let enough = self.model.points().count() as f64 >= POINT_SHARE * matches as f64;
-        if enough && self.median_angle(pair) >= 0.5 * parallax {
+        let enough = self.model.points().count() as f64 >= POINT_SHARE * required.matches as f64;
+        if enough && self.median_angle(pair) >= 0.5 * required.parallax {
             return Ok(true);
         }
         self.clear();
@@ -123,9 +133,10 @@ impl Mapper<'_> {
     }
 }
 
-fn relaxed(options: &MapperOptions, matches: f64, parallax: f64) -> (usize, f64) {
-    (
-        (options.first_pair_matches as f64 * matches) as usize,
-        options.first_pair_parallax * parallax,
-    )
+/// Returns the given shares of what the options require.
+fn relaxed(options: &MapperOptions, matches: f64, parallax: f64) -> FirstPairRequirement {
+    FirstPairRequirement {
+        matches: (options.first_pair_matches as f64 * matches) as usize,
+        parallax: options.first_pair_parallax * parallax,
+    }
 }

@@ -42,10 +42,16 @@ pub fn map(
     progress: &Progress,
 ) -> Result<Vec<Mapped>, Stopped> {
     let links = Correspondences::new(problem);
+    let growth = Growth {
+        problem,
+        links: &links,
+        options,
+        progress,
+    };
     let mut closed = vec![false; problem.images.len()];
     let mut models: Vec<Mapped> = Vec::new();
     loop {
-        let mapped = match best_start(problem, &links, options, &closed, progress) {
+        let mapped = match growth.best_start(&closed) {
             Ok(Some(mapped)) => mapped,
             Err(stopped) if models.is_empty() => return Err(stopped),
             Ok(None) | Err(Stopped) => break,
@@ -64,97 +70,114 @@ pub fn map(
     Ok(models)
 }
 
-/// Builds one model.
-///
-/// If a camera is unknown and fewer than half of the possible images are placed, several initial
-/// focal lengths are tried and the best model is kept.
-fn best_start(
-    problem: &MapProblem,
-    links: &Correspondences,
-    options: &MapperOptions,
-    closed: &[bool],
-    progress: &Progress,
-) -> Result<Option<Mapped>, Stopped> {
-    let linked = |image: u32| {
-        problem
-            .pairs
-            .iter()
-            .any(|pair| pair.images.contains(&image))
-    };
-    let could = (0..problem.images.len() as u32)
-        .filter(|&image| !closed[image as usize] && linked(image))
-        .count();
-    let unknown = problem
-        .cameras
-        .iter()
-        .any(|camera| camera.source == IntrinsicsSource::Guessed);
-    let mut best: Option<Mapped> = None;
-    for factor in FOCAL_FACTORS {
-        let grown = match one_model(problem, links, options, closed, factor, progress) {
-            Err(stopped) if best.is_none() => return Err(stopped),
-            grown => grown.ok().flatten(),
-        };
-        let placed = |mapped: &Option<Mapped>| {
-            mapped
-                .as_ref()
-                .map_or(0, |mapped| mapped.model.placed().count())
-        };
-        if placed(&grown) > placed(&best) {
-            best = grown;
-        }
-        if !unknown || 2 * placed(&best) >= could || progress.check().is_err() {
-            break;
-        }
-    }
-    if let Some(best) = &mut best {
-        best.stopped |= progress.check().is_err();
-    }
-    let (images, points) = (options.min_model_images, options.min_model_points);
-    Ok(best.filter(|Mapped { model, .. }| {
-        model.placed().count() >= images && model.points().count() >= points
-    }))
+/// Input that the models of a run share.
+struct Growth<'a> {
+    problem: &'a MapProblem,
+    links: &'a Correspondences,
+    options: &'a MapperOptions,
+    progress: &'a Progress,
 }
 
-fn one_model(
-    problem: &MapProblem,
-    links: &Correspondences,
-    options: &MapperOptions,
-    closed: &[bool],
-    factor: f64,
-    progress: &Progress,
-) -> Result<Option<Mapped>, Stopped> {
-    let mut mapper = Mapper::new(problem, links, options, progress);
-    mapper.closed = closed.to_vec();
-    for (camera, known) in problem.cameras.iter().enumerate() {
-        if known.source == IntrinsicsSource::Guessed && factor != 1.0 {
-            mapper.model.cameras[camera].focal_px *= DVec2::splat(factor);
-            mapper.cast_rays(camera);
+impl Growth<'_> {
+    /// Builds one model of the images that are not `closed`.
+    ///
+    /// If a camera is unknown and fewer than half of the possible images are placed, several initial
+    /// focal lengths are tried and the best model is kept.
+    fn best_start(&self, closed: &[bool]) -> Result<Option<Mapped>, Stopped> {
+        let Self {
+            problem,
+            options,
+            progress,
+            ..
+        } = *self;
+        let linked = |image: u32| {
+            problem
+                .pairs
+                .iter()
+                .any(|pair| pair.images.contains(&image))
+        };
+        let could = (0..problem.images.len() as u32)
+            .filter(|&image| !closed[image as usize] && linked(image))
+            .count();
+        let unknown = problem
+            .cameras
+            .iter()
+            .any(|camera| camera.source == IntrinsicsSource::Guessed);
+        let mut best: Option<Mapped> = None;
+        for factor in FOCAL_FACTORS {
+            let grown = match self.one_model(closed, factor) {
+                Err(stopped) if best.is_none() => return Err(stopped),
+                grown => grown.ok().flatten(),
+            };
+            let placed = |mapped: &Option<Mapped>| {
+                mapped
+                    .as_ref()
+                    .map_or(0, |mapped| mapped.model.placed().count())
+            };
+            if placed(&grown) > placed(&best) {
+                best = grown;
+            }
+            if !unknown || 2 * placed(&best) >= could || progress.check().is_err() {
+                break;
+            }
         }
-    }
-    let first = !closed.contains(&true);
-    let given = if first {
-        mapper.start_from_given()?
-    } else {
-        None
-    };
-    let start = match given {
-        Some(start) => Some(start),
-        None => mapper.start_from_pair()?,
-    };
-    let Some(start) = start else { return Ok(None) };
-    if let Start::Pair { images, .. } = start {
-        for image in images {
-            mapper.focal_known[problem.images[image as usize].camera] = true;
+        if let Some(best) = &mut best {
+            best.stopped |= progress.check().is_err();
         }
+        let (images, points) = (options.min_model_images, options.min_model_points);
+        Ok(best.filter(|Mapped { model, .. }| {
+            model.placed().count() >= images && model.points().count() >= points
+        }))
     }
-    let grown = mapper.grow();
-    let stopped = grown.is_err();
-    Ok(Some(Mapped {
-        model: mapper.model,
-        start,
-        refused: grown.unwrap_or_default(),
-        stopped,
-    }))
+
+    /// Builds one model from guessed focal lengths that are multiplied by `factor`.
+    fn one_model(&self, closed: &[bool], factor: f64) -> Result<Option<Mapped>, Stopped> {
+        let Self {
+            problem,
+            links,
+            options,
+            progress,
+        } = *self;
+        let mut mapper = Mapper::new(problem, links, options, progress);
+        mapper.closed = closed.to_vec();
+        for (camera, known) in problem.cameras.iter().enumerate() {
+            if known.source == IntrinsicsSource::Guessed && factor != 1.0 {
+                mapper.model.cameras[camera].focal_px *= DVec2::splat(factor);
+                mapper.cast_rays(camera);
+            }
+        }
+        let first = !closed.contains(&true);
+        let given = if first {
+            mapper.start_from_given()?
+        } else {
+            None
+        };
+        let start = match given {
+            Some(start) => Some(start),
+            None => mapper.start_from_pair()?,
+        };
+        let Some(start) = start else { return Ok(None) };
+        if let Start::Pair { images, .. } = start {
+            for image in images {
+                mapper.focal_known[problem.images[image as usize].camera] = true;
+            }
+        }
+        let grown = mapper.grow();
+        let stopped = grown.is_err();
+        Ok(Some(Mapped {
+            model: mapper.model,
+            start,
+            refused: grown.unwrap_or_default(),
+            stopped,
+        }))
+    }
+}
+
+/// Number of images and points of a model.
+#[derive(Clone, Copy)]
+struct ModelSize {
+    images: usize,
+    points: usize,
 }
 
 /// Images that see fewer points than this are removed from the model.
@@ -232,16 +255,19 @@ impl Mapper<'_> {
         Ok(refused)
     }
 
-    /// Returns the numbers of images and points.
-    fn size(&self) -> (usize, usize) {
-        (self.model.placed().count(), self.model.points().count())
+    fn size(&self) -> ModelSize {
+        ModelSize {
+            images: self.model.placed().count(),
+            points: self.model.points().count(),
+        }
     }
 
-    fn has_grown(&self, since: (usize, usize)) -> bool {
+    /// Returns whether the model has grown enough since the last adjustment for another one.
+    fn has_grown(&self, since: ModelSize) -> bool {
         let now = self.size();
         let grown =
             |now: usize, since: usize| now as f64 >= self.options.global_growth * since as f64;
-        grown(now.0, since.0) || grown(now.1, since.1)
+        grown(now.images, since.images) || grown(now.points, since.points)
     }
 
     /// Removes images that see almost no points any more.

@@ -11,6 +11,25 @@ use crate::sfm::sift::Content;
 use crate::sfm::{Descriptors, FeatureError, Features};
 use ostra_compute::nn::{Network, NnError, Tensor, load};
 
+/// Size of an image in pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ImageSize {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
+impl ImageSize {
+    /// Returns the size with each side changed by a function.
+    fn map(self, change: impl Fn(usize) -> usize) -> Self {
+        Self {
+            width: change(self.width),
+            height: change(self.height),
+        }
+    }
+}
+
 /// An image as a network takes it.
 ///
 /// Large images are shrunk. The last column and row are repeated up to a multiple that the network
@@ -23,10 +42,8 @@ pub struct Prepared {
     pub width: usize,
     /// Rows, including the repeated ones.
     pub height: usize,
-    /// Columns that show the image.
-    pub shown_width: usize,
-    /// Rows that show the image.
-    pub shown_height: usize,
+    /// Size without the repeated columns and rows.
+    pub unpadded: ImageSize,
     /// Pixels of the original image per pixel here.
     pub original_from_here: DVec2,
 }
@@ -35,56 +52,46 @@ impl Prepared {
     /// Prepares a grey image so that its longer side has at most `max_side` pixels and both sides
     /// are multiples of `multiple`.
     #[must_use]
-    pub fn new(
-        grey: &[f32],
-        (width, height): (usize, usize),
-        max_side: usize,
-        multiple: usize,
-    ) -> Self {
+    pub fn new(grey: &[f32], size: ImageSize, max_side: usize, multiple: usize) -> Self {
+        let ImageSize { width, height } = size;
         let scale = (max_side as f64 / width.max(height) as f64).min(1.0);
-        let shrunk = |side: usize| ((side as f64 * scale).round() as usize).clamp(1, side);
-        let (shown_width, shown_height) = (shrunk(width), shrunk(height));
+        let unpadded = size.map(|side| ((side as f64 * scale).round() as usize).clamp(1, side));
         let small = if scale < 1.0 {
-            shrink(grey, (width, height), (shown_width, shown_height))
+            shrink(grey, size, unpadded)
         } else {
             None
         };
-        let (padded_width, padded_height) = (
-            shown_width.next_multiple_of(multiple),
-            shown_height.next_multiple_of(multiple),
-        );
+        let full = unpadded.map(|side| side.next_multiple_of(multiple));
         Self {
-            grey: padded(
-                small.as_deref().unwrap_or(grey),
-                (shown_width, shown_height),
-                (padded_width, padded_height),
-            ),
-            width: padded_width,
-            height: padded_height,
-            shown_width,
-            shown_height,
+            grey: padded(small.as_deref().unwrap_or(grey), unpadded, full),
+            width: full.width,
+            height: full.height,
+            unpadded,
             original_from_here: DVec2::new(
-                width as f64 / shown_width as f64,
-                height as f64 / shown_height as f64,
+                width as f64 / unpadded.width as f64,
+                height as f64 / unpadded.height as f64,
             ),
         }
     }
 }
 
-fn shrink(grey: &[f32], from: (usize, usize), to: (usize, usize)) -> Option<Vec<f32>> {
-    let image = ImageBuffer::<Luma<f32>, &[f32]>::from_raw(from.0 as u32, from.1 as u32, grey)?;
-    Some(resize(&image, to.0 as u32, to.1 as u32, FilterType::Triangle).into_raw())
+fn shrink(grey: &[f32], from: ImageSize, to: ImageSize) -> Option<Vec<f32>> {
+    let image =
+        ImageBuffer::<Luma<f32>, &[f32]>::from_raw(from.width as u32, from.height as u32, grey)?;
+    let (width, height) = (to.width as u32, to.height as u32);
+    Some(resize(&image, width, height, FilterType::Triangle).into_raw())
 }
 
-fn padded(grey: &[f32], from: (usize, usize), to: (usize, usize)) -> Vec<f32> {
-    let mut wide = Vec::with_capacity(to.0 * to.1);
-    for row in grey.chunks_exact(from.0) {
+/// Repeats the last column and row of an image up to a size.
+fn padded(grey: &[f32], from: ImageSize, to: ImageSize) -> Vec<f32> {
+    let mut wide = Vec::with_capacity(to.width * to.height);
+    for row in grey.chunks_exact(from.width) {
         wide.extend_from_slice(row);
-        wide.resize(wide.len() + to.0 - from.0, row[from.0 - 1]);
+        wide.resize(wide.len() + to.width - from.width, row[from.width - 1]);
     }
-    let last = wide.len() - to.0;
-    for _ in from.1..to.1 {
-        wide.extend_from_within(last..last + to.0);
+    let last = wide.len() - to.width;
+    for _ in from.height..to.height {
+        wide.extend_from_within(last..last + to.width);
     }
     wide
 }
@@ -99,8 +106,8 @@ pub struct Found {
 
 /// An image in which a network finds keypoints.
 pub struct NetworkImage<'a> {
-    /// Columns, rows.
-    pub size: (usize, usize),
+    /// Its size.
+    pub size: ImageSize,
     /// The image as the network sees it.
     pub shown: Prepared,
     allowed: Option<&'a [bool]>,
@@ -113,16 +120,17 @@ impl<'a> NetworkImage<'a> {
     /// Keypoints lie only where `allowed` is true, and not in black bars at the sides of the image.
     pub fn new(
         grey: &[f32],
-        size: (usize, usize),
+        size: ImageSize,
         allowed: Option<&'a [bool]>,
-        (max_side, multiple): (usize, usize),
+        max_side: usize,
+        multiple: usize,
     ) -> Self {
         let shown = Prepared::new(grey, size, max_side, multiple);
         Self {
             size,
             shown,
             allowed,
-            content: Content::of(grey, size.0, size.1),
+            content: Content::of(grey, size.width, size.height),
         }
     }
 
@@ -148,10 +156,11 @@ impl<'a> NetworkImage<'a> {
     fn allows(&self, at: DVec2, around: f32) -> bool {
         let px = at * self.shown.original_from_here;
         let (x, y) = (
-            (px.x as usize).min(self.size.0 - 1),
-            (px.y as usize).min(self.size.1 - 1),
+            (px.x as usize).min(self.size.width - 1),
+            (px.y as usize).min(self.size.height - 1),
         );
-        self.allowed.is_none_or(|mask| mask[y * self.size.0 + x])
+        self.allowed
+            .is_none_or(|mask| mask[y * self.size.width + x])
             && self.content.holds(px.as_vec2(), around)
     }
 
@@ -169,8 +178,8 @@ impl<'a> NetworkImage<'a> {
             .zip(values.chunks_exact_mut(dim))
             .for_each(|(found, row)| describe(found.at, row));
         Features {
-            width: self.size.0 as u32,
-            height: self.size.1 as u32,
+            width: self.size.width as u32,
+            height: self.size.height as u32,
             keypoints: found
                 .iter()
                 .map(|found| found.at * self.shown.original_from_here)
@@ -228,7 +237,8 @@ const OVERLAPPING: usize = 10;
 /// of a set do not overlap.
 pub fn match_twice(
     both: [&Features; 2],
-    (first_keypoints, most): (usize, usize),
+    first_keypoints: usize,
+    most: usize,
     matched: impl Fn(usize) -> Result<Vec<(u32, u32)>, FeatureError>,
 ) -> Result<Vec<(u32, u32)>, FeatureError> {
     let fewer = both

@@ -126,7 +126,7 @@ impl FeatureMatcher for LighterGlue {
             first_keypoints,
             ..
         } = self.options;
-        match_twice([first, second], (first_keypoints, most), |most| {
+        match_twice([first, second], first_keypoints, most, |most| {
             self.matched([first, second], most)
         })
     }

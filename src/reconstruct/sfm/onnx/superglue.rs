@@ -140,7 +140,7 @@ impl FeatureMatcher for SuperGlue {
             first_keypoints,
             least_share,
         } = self.options;
-        match_twice([first, second], (first_keypoints, most), |most| {
+        match_twice([first, second], first_keypoints, most, |most| {
             let Some((agreement, alone)) = self.agreement([first, second], most)? else {
                 return Ok(Vec::new());
             };

@@ -3,7 +3,7 @@ use std::path::Path;
 use glam::DVec2;
 
 use super::heat::{CELL, Heat, Sampled, normalise};
-use super::keypoints::{Found, NetworkImage, load_only};
+use super::keypoints::{Found, ImageSize, NetworkImage, load_only};
 use crate::sfm::{FeatureError, FeatureExtractor, Features};
 use ostra_compute::nn::{Network, NnError};
 
@@ -81,7 +81,8 @@ impl SuperPoint {
     }
 
     /// Returns the keypoints in the part of the heat that shows the image.
-    fn found(&self, heat: &Heat, (width, height): (usize, usize)) -> Vec<Found> {
+    fn found(&self, heat: &Heat, unpadded: ImageSize) -> Vec<Found> {
+        let ImageSize { width, height } = unpadded;
         let peaks = heat.separate(width, height, self.options.least_heat, self.options.radius);
         let is_inside =
             |&(x, y): &(usize, usize)| x >= RIM && y >= RIM && x + RIM < width && y + RIM < height;
@@ -111,9 +112,10 @@ impl FeatureExtractor for SuperPoint {
     ) -> Result<Features, FeatureError> {
         let image = NetworkImage::new(
             grey,
-            (width, height),
+            ImageSize { width, height },
             allowed,
-            (self.options.max_side, CELL),
+            self.options.max_side,
+            CELL,
         );
         let (shown, planes) = (&image.shown, [CELL * CELL + 1, self.dim]);
         let (columns, rows) = (shown.width / CELL, shown.height / CELL);
@@ -121,7 +123,7 @@ impl FeatureExtractor for SuperPoint {
             .run(&self.network, "image", planes, CELL)
             .map_err(|error| FeatureError::Network(error.to_string()))?;
         let heat = Heat::from_logits(logits.as_floats(), columns, rows);
-        let found = self.found(&heat, (shown.shown_width, shown.shown_height));
+        let found = self.found(&heat, shown.unpadded);
         let found = image.strongest(found.into_iter(), self.options.most, AROUND);
         let described = Sampled::new(described.as_floats(), self.dim, columns, rows).normalised();
         let cells = DVec2::new(columns as f64, rows as f64);

@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use super::heat::{CELL, Heat, Sampled, normalise};
-use super::keypoints::{Found, NetworkImage, load_only};
+use super::keypoints::{Found, ImageSize, NetworkImage, load_only};
 use crate::sfm::{FeatureError, FeatureExtractor, Features};
 use ostra_compute::nn::{Network, NnError};
 
@@ -71,9 +71,10 @@ impl FeatureExtractor for XFeat {
     ) -> Result<Features, FeatureError> {
         let image = NetworkImage::new(
             grey,
-            (width, height),
+            ImageSize { width, height },
             allowed,
-            (self.options.max_side, MULTIPLE),
+            self.options.max_side,
+            MULTIPLE,
         );
         let (shown, planes) = (&image.shown, [DIM, CELL * CELL + 1, 1]);
         let (columns, rows) = (shown.width / CELL, shown.height / CELL);
@@ -83,8 +84,8 @@ impl FeatureExtractor for XFeat {
         let heat = Heat::from_logits(logits.as_floats(), columns, rows);
         let reliability = Sampled::new(reliability.as_floats(), 1, columns, rows);
         let peaks = heat.peaks(
-            shown.shown_width,
-            shown.shown_height,
+            shown.unpadded.width,
+            shown.unpadded.height,
             self.options.least_heat,
         );
         let found = peaks.into_iter().map(|(x, y)| {

@@ -3,12 +3,11 @@ use image::GrayImage;
 use tempfile::TempDir;
 
 use super::*;
-use crate::sfm::extract::extract;
 use crate::sfm::matching::NearestMatcher;
 use crate::sfm::request::SfmRequest;
 use crate::sfm::{
-    CameraGroups, Features, MapImage, MapProblem, MapperOptions, PairOptions, Sift, choose_pairs,
-    map, match_pairs,
+    CameraGroups, Features, MapImage, MapProblem, MapperOptions, MatchedImages, PairOptions, Sift,
+    choose_pairs, map, match_pairs,
 };
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameCamera, FrameStore, OpenRequest, open};
@@ -170,15 +169,10 @@ impl Photos {
 
 fn attempt(request: &SfmRequest<'_>, store: &FrameStore) -> Attempt {
     let progress = Progress::default();
-    let images = extract(
-        request.frames,
-        request.mapped,
-        store,
-        request.extractor,
-        request.allowed,
-        &progress,
-    )
-    .unwrap();
+    let images = request
+        .frame_extractor(store)
+        .of_frames(request.mapped, &progress)
+        .unwrap();
     let groups = CameraGroups::new(&request.frames.iter().collect::<Vec<_>>());
     let features: Vec<&Features> = images.iter().map(|extracted| &extracted.features).collect();
     let pairs = choose_pairs(&features, &[0; 6], &request.pairs);
@@ -187,7 +181,11 @@ fn attempt(request: &SfmRequest<'_>, store: &FrameStore) -> Attempt {
         .iter()
         .map(|&camera| groups.cameras[camera])
         .collect();
-    let tried = match_pairs(&features, &cameras, &pairs, request.matcher, 0, &progress).unwrap();
+    let matched = MatchedImages {
+        features: &features,
+        cameras: &cameras,
+    };
+    let tried = match_pairs(matched, &pairs, request.matcher, 0, &progress).unwrap();
     let image = |features: &&Features| MapImage {
         camera: 0,
         keypoints: features.keypoints.clone(),

@@ -1,5 +1,7 @@
 //! Gaussian kernels, and their use to blur, double and halve images.
 
+use std::ops::Range;
+
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
@@ -81,10 +83,11 @@ pub(super) fn blur(source: &Rows, kernel: &Kernel, out: &mut Rows, first: usize,
         .enumerate()
         .for_each(|(task, rows)| {
             let mut column_sums = [0.0; TILE + 2 * MARGIN + PAD];
-            for (at, len) in tiles(width) {
+            for tile in tiles(width) {
+                let Tile { at, len } = tile;
                 for (k, row) in rows.chunks_exact_mut(stride).enumerate() {
                     let y = first + task * TASK_ROWS + k;
-                    let sums = sum_columns(source, y, kernel, (at, len, kernel), &mut column_sums);
+                    let sums = sum_columns(source, y, kernel, tile.reach(kernel), &mut column_sums);
                     sum_shifted(sums, kernel, &mut row[MARGIN + at..MARGIN + at + len]);
                 }
             }
@@ -110,7 +113,8 @@ pub(super) fn double(
         .for_each(|(task, rows)| {
             let mut column_sums = [0.0; TILE + 2 * MARGIN + PAD];
             let mut phases = [[0.0; TILE]; 2];
-            for (at, len) in tiles(source.width) {
+            for tile in tiles(source.width) {
+                let Tile { at, len } = tile;
                 for (k, row) in rows.chunks_exact_mut(stride).enumerate() {
                     let y = first + task * TASK_ROWS + k;
                     for (kernel, phase) in kernels.iter().zip(&mut phases) {
@@ -118,7 +122,7 @@ pub(super) fn double(
                             source,
                             y / 2,
                             &kernels[y % 2],
-                            (at, len, kernel),
+                            tile.reach(kernel),
                             &mut column_sums,
                         );
                         sum_shifted(sums, kernel, &mut phase[..len]);
@@ -150,10 +154,11 @@ pub(super) fn halve(source: &Rows, kernel: &Kernel) -> Rows {
         .for_each(|(task, rows)| {
             let mut column_sums = [0.0; TILE + 2 * MARGIN + PAD];
             let mut full = [0.0; TILE];
-            for (at, len) in tiles(source.width) {
+            for tile in tiles(source.width) {
+                let Tile { at, len } = tile;
                 for (k, row) in rows.chunks_exact_mut(stride).enumerate() {
                     let y = 2 * (task * TASK_ROWS + k);
-                    let sums = sum_columns(source, y, kernel, (at, len, kernel), &mut column_sums);
+                    let sums = sum_columns(source, y, kernel, tile.reach(kernel), &mut column_sums);
                     sum_shifted(sums, kernel, &mut full[..len]);
                     let kept = full[..len].iter().step_by(2);
                     row[MARGIN + at / 2..]
@@ -168,27 +173,43 @@ pub(super) fn halve(source: &Rows, kernel: &Kernel) -> Rows {
     out
 }
 
-/// Returns the first column and the padded width of each tile.
-fn tiles(width: usize) -> impl Iterator<Item = (usize, usize)> {
-    (0..width)
-        .step_by(TILE)
-        .map(move |at| (at, (width - at).min(TILE).next_multiple_of(PAD)))
+/// Columns that are processed together.
+#[derive(Clone, Copy)]
+struct Tile {
+    /// First column.
+    at: usize,
+    /// Number of columns, padded.
+    len: usize,
 }
 
-/// Sums `source` down its columns around row `y`, for the columns that `across` reaches from a tile (first, width).
+impl Tile {
+    /// Returns the columns, counted with the margin, that a kernel along the row reaches from the tile.
+    fn reach(self, across: &Kernel) -> Range<usize> {
+        let start = (MARGIN + self.at).saturating_add_signed(across.first);
+        start..start + (self.len + across.taps.len()).next_multiple_of(PAD)
+    }
+}
+
+/// Returns the tiles of an image.
+fn tiles(width: usize) -> impl Iterator<Item = Tile> {
+    (0..width).step_by(TILE).map(move |at| Tile {
+        at,
+        len: (width - at).min(TILE).next_multiple_of(PAD),
+    })
+}
+
+/// Sums some columns of `source` down around row `y`.
 fn sum_columns<'a>(
     source: &Rows,
     y: usize,
     down: &Kernel,
-    (at, len, across): (usize, usize, &Kernel),
+    columns: Range<usize>,
     out: &'a mut [f32],
 ) -> &'a [f32] {
     let mut rows: [&[f32]; MAX_TAPS] = [&[]; MAX_TAPS];
-    let start = (MARGIN + at).saturating_add_signed(across.first);
-    let len = (len + across.taps.len()).next_multiple_of(PAD);
-    let count = down.taps.len();
+    let (len, count) = (columns.len(), down.taps.len());
     for (k, row) in rows[..count].iter_mut().enumerate() {
-        *row = &source.nearest(y as isize + down.first + k as isize)[start..start + len];
+        *row = &source.nearest(y as isize + down.first + k as isize)[columns.clone()];
     }
     Arch::new().dispatch(WeightedSum {
         rows: &rows[..count],

@@ -119,6 +119,12 @@ impl WithSimd for Scan<'_> {
     }
 }
 
+/// Lowest and highest value around each lane.
+struct Bounds {
+    low: [f32; LANES],
+    high: [f32; LANES],
+}
+
 /// Returns one bit for each sample from tile column `start` on that is extreme among its 26 neighbours.
 #[inline(always)]
 fn extreme_lanes(around: &[Differences], y: usize, start: usize, least: f32) -> u32 {
@@ -129,7 +135,10 @@ fn extreme_lanes(around: &[Differences], y: usize, start: usize, least: f32) -> 
     {
         return 0;
     }
-    let mut bounds = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);
+    let mut bounds = Bounds {
+        low: [f32::INFINITY; LANES],
+        high: [f32::NEG_INFINITY; LANES],
+    };
     widen(&around[1], y, start, true, &mut bounds);
     if extreme(&centre, &bounds, least) == 0 {
         return 0;
@@ -146,8 +155,9 @@ fn widen(
     y: usize,
     start: usize,
     without_centre: bool,
-    (low, high): &mut ([f32; LANES], [f32; LANES]),
+    bounds: &mut Bounds,
 ) {
+    let Bounds { low, high } = bounds;
     for dy in 0..3 {
         for dx in 0..3 {
             if without_centre && dx == 1 && dy == 1 {
@@ -164,7 +174,8 @@ fn widen(
 
 /// Returns one bit for each lane that lies outside its bounds and is at least `least` from zero, on the same side.
 #[inline(always)]
-fn extreme(centre: &[f32; LANES], (low, high): &([f32; LANES], [f32; LANES]), least: f32) -> u32 {
+fn extreme(centre: &[f32; LANES], bounds: &Bounds, least: f32) -> u32 {
+    let Bounds { low, high } = bounds;
     let mut hits = 0;
     for k in 0..LANES {
         let above = (centre[k] > high[k]) & (centre[k] >= least);

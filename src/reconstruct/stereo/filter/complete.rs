@@ -1,7 +1,7 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::consistency::{Agreement, Match, Neighbour, Surface};
+use super::consistency::{Agreement, Match, Neighbour, PixelPoint, Surface};
 use super::snap::SnapOptions;
 use crate::stereo::DepthEstimate;
 use crate::stereo::patchmatch::{PosedImage, Texture};
@@ -89,7 +89,6 @@ pub fn completed(
     neighbours: &[Neighbour],
     options: &FilterOptions,
 ) -> DepthEstimate {
-    let size = (own.width(), own.height());
     let view = View {
         own,
         image: &image.levels[0],
@@ -98,7 +97,7 @@ pub fn completed(
     };
     let seen: Vec<Vec<u32>> = neighbours
         .par_iter()
-        .map(|neighbour| neighbour.projected(size))
+        .map(|neighbour| neighbour.projected(own.width(), own.height()))
         .collect();
     let is_allowed = |at: usize| allowed.is_none_or(|allowed| allowed[at]);
     let taken = |at: usize| {
@@ -179,15 +178,10 @@ impl View<'_> {
 
     /// Returns what the neighbours show of a surface at a pixel.
     fn matches(&self, at: usize, surface: Surface) -> Vec<(&Neighbour, Match)> {
-        let place = self.place(at);
+        let width = self.own.width();
+        let point = PixelPoint::new(at, width, surface.inverse_depth, surface.normal);
         let matched = |neighbour| {
-            let found = Neighbour::matched(
-                neighbour,
-                place,
-                surface.inverse_depth,
-                surface.normal,
-                &self.options.agreement,
-            )?;
+            let found = Neighbour::matched(neighbour, &point, &self.options.agreement)?;
             Some((neighbour, found))
         };
         self.neighbours.iter().filter_map(matched).collect()
@@ -201,13 +195,6 @@ impl View<'_> {
         let mut differences: Vec<f32> = matches.iter().map(of).collect();
         // The worse of two.
         upper_median(&mut differences).unwrap_or(f32::INFINITY)
-    }
-
-    fn place(&self, at: usize) -> (f32, f32) {
-        (
-            (at % self.own.width()) as f32,
-            (at / self.own.width()) as f32,
-        )
     }
 
     /// Returns the limit for the difference of colour of a surface in front of a pixel's own, in squared grey levels.

@@ -73,18 +73,11 @@ impl Neighbour {
 
     /// Returns the neighbour's pixel that sees the point of a pixel, if its depth agrees.
     ///
-    /// The point is that of pixel `(x, y)` at `inverse_depth` with `normal`. The nearest of the
-    /// four pixels around the projection is tried first, then the others, because thin parts lie
-    /// between pixels.
+    /// The nearest of the four pixels around the projection is tried first, then the others,
+    /// because thin parts lie between pixels.
     #[must_use]
-    pub fn matched(
-        &self,
-        (x, y): (f32, f32),
-        inverse_depth: f32,
-        normal: Vec3,
-        agreement: &Agreement,
-    ) -> Option<Match> {
-        let [u, v, z] = self.transfer.apply(x, y, inverse_depth);
+    pub fn matched(&self, point: &PixelPoint, agreement: &Agreement) -> Option<Match> {
+        let [u, v, z] = self.transfer.apply(point.x, point.y, point.inverse_depth);
         if z <= 0.0 {
             return None;
         }
@@ -97,22 +90,17 @@ impl Neighbour {
             (column, below),
             (adjacent, below),
         ];
-        let point = NeighbourView {
-            at: (x, y),
-            there: (u, v),
-            inverse_depth,
-            normal,
-        };
+        let seen = NeighbourView { point, u, v };
         around
             .into_iter()
-            .find_map(|pixel| self.agreeing(&point, pixel, agreement))
+            .find_map(|(column, row)| self.agreeing(&seen, column, row, agreement))
     }
 
     /// Returns for each pixel of a view of `width · height` pixels the neighbour's pixel that is seen nearest there.
     ///
     /// [`UNSEEN`] where there is none.
     #[must_use]
-    pub fn projected(&self, (width, height): (usize, usize)) -> Vec<u32> {
+    pub fn projected(&self, width: usize, height: usize) -> Vec<u32> {
         let mut seen = vec![UNSEEN; width * height];
         let mut nearest = vec![0.0; seen.len()];
         for (pixel, &depth) in self
@@ -177,8 +165,9 @@ impl Neighbour {
     /// Returns the neighbour's pixel in a column and row, if it agrees.
     fn agreeing(
         &self,
-        point: &NeighbourView,
-        (column, row): (f32, f32),
+        seen: &NeighbourView<'_>,
+        column: f32,
+        row: f32,
         agreement: &Agreement,
     ) -> Option<Match> {
         let (width, height) = (self.estimate.width(), self.estimate.height());
@@ -190,12 +179,12 @@ impl Neighbour {
         if depth <= 0.0 {
             return None;
         }
-        let (u, v) = point.there;
+        let NeighbourView { point, u, v } = *seen;
         let there = self.estimate.normal(pixel);
         let plane =
             Plane::from_normal(depth, there, &self.raster, column, row).moved(u - column, v - row);
         let [s, t, w] = self.back.apply(u, v, plane.inverse_depth);
-        let (s, t) = (s / w - point.at.0, t / w - point.at.1);
+        let (s, t) = (s / w - point.x, t / w - point.y);
         // Depth here of the point that is seen there, as a share of the depth here.
         let ratio = w / plane.inverse_depth * point.inverse_depth;
         let normal = self.here_from_there * there;
@@ -221,10 +210,35 @@ pub struct Surface {
     pub confidence: u8,
 }
 
-/// A pixel's point, and where a neighbour sees it.
-struct NeighbourView {
-    at: (f32, f32),
-    there: (f32, f32),
-    inverse_depth: f32,
-    normal: Vec3,
+/// The point that a pixel of a view sees.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PixelPoint {
+    /// Column of the pixel.
+    pub x: f32,
+    /// Row of the pixel.
+    pub y: f32,
+    /// Inverse depth.
+    pub inverse_depth: f32,
+    /// Normal in the view's camera space.
+    pub normal: Vec3,
+}
+
+impl PixelPoint {
+    /// Creates the point of a pixel, given by index, of an image `width` pixels wide.
+    #[must_use]
+    pub fn new(pixel: usize, width: usize, inverse_depth: f32, normal: Vec3) -> Self {
+        Self {
+            x: (pixel % width) as f32,
+            y: (pixel / width) as f32,
+            inverse_depth,
+            normal,
+        }
+    }
+}
+
+/// A pixel's point, and the position where a neighbour sees it.
+struct NeighbourView<'a> {
+    point: &'a PixelPoint,
+    u: f32,
+    v: f32,
 }

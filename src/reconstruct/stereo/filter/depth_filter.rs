@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 
 use super::complete::FilterOptions;
-use super::consistency::Neighbour;
+use super::consistency::{Neighbour, PixelPoint};
 use crate::stereo::DepthEstimate;
 
 /// Keeps the depths that enough neighbours agree with, removes speckles and fills small gaps.
@@ -22,12 +22,9 @@ pub fn filter(
         if depth <= 0.0 || own.confidence[at] < least {
             return 0;
         }
-        let (place, normal) = (((at % width) as f32, (at / width) as f32), own.normal(at));
-        let agrees = |neighbour: &&Neighbour| {
-            neighbour
-                .matched(place, 1.0 / depth, normal, &options.agreement)
-                .is_some()
-        };
+        let point = PixelPoint::new(at, width, 1.0 / depth, own.normal(at));
+        let agrees =
+            |neighbour: &&Neighbour| neighbour.matched(&point, &options.agreement).is_some();
         neighbours.iter().filter(agrees).count() as u8
     };
     let support: Vec<u8> = (0..own.depths.len())
@@ -59,34 +56,57 @@ const IN_FRONT: f32 = 2.0;
 fn fill_gaps(estimate: &mut DepthEstimate, seen: &DepthEstimate, options: &FilterOptions) {
     let (width, height) = (estimate.width(), estimate.height());
     for y in 0..height {
-        fill_line(estimate, seen, (y * width, 1, width), options);
+        let row = PixelLine {
+            first: y * width,
+            stride: 1,
+            count: width,
+        };
+        fill_line(estimate, seen, row, options);
     }
     for x in 0..width {
-        fill_line(estimate, seen, (x, width, height), options);
+        let column = PixelLine {
+            first: x,
+            stride: width,
+            count: height,
+        };
+        fill_line(estimate, seen, column, options);
+    }
+}
+
+/// A row or column of pixels.
+#[derive(Clone, Copy)]
+struct PixelLine {
+    /// Index of the first pixel.
+    first: usize,
+    /// Distance of pixels by index.
+    stride: usize,
+    /// Number of pixels.
+    count: usize,
+}
+
+impl PixelLine {
+    /// Returns the index of a pixel of the line.
+    #[inline(always)]
+    fn at(self, i: usize) -> usize {
+        self.first + i * self.stride
     }
 }
 
 fn fill_line(
     estimate: &mut DepthEstimate,
     seen: &DepthEstimate,
-    (first, stride, count): (usize, usize, usize),
+    line: PixelLine,
     options: &FilterOptions,
 ) {
     let mut known: Option<usize> = None;
-    for i in 0..count {
-        if estimate.depths[first + i * stride] <= 0.0 {
+    for i in 0..line.count {
+        if estimate.depths[line.at(i)] <= 0.0 {
             continue;
         }
         if let Some(before) =
             known.filter(|before| (2..=options.gap_pixels + 1).contains(&(i - before)))
         {
-            fill_run(
-                estimate,
-                seen,
-                (first, stride),
-                [before, i],
-                options.surface_tolerance,
-            );
+            fill_run(estimate, seen, line, [before, i], options.surface_tolerance);
         }
         known = Some(i);
     }
@@ -95,21 +115,20 @@ fn fill_line(
 fn fill_run(
     estimate: &mut DepthEstimate,
     seen: &DepthEstimate,
-    (first, stride): (usize, usize),
+    line: PixelLine,
     [before, after]: [usize; 2],
     tolerance: f32,
 ) {
-    let [start, end] = [before, after].map(|i| first + i * stride);
+    let [start, end] = [before, after].map(|i| line.at(i));
     let (a, b) = (estimate.depths[start], estimate.depths[end]);
     let steps = (after - before) as f32;
-    let in_front =
-        |i: usize| seen.depths[first + i * stride] < (1.0 - IN_FRONT * tolerance) * a.min(b);
+    let in_front = |i: usize| seen.depths[line.at(i)] < (1.0 - IN_FRONT * tolerance) * a.min(b);
     if (a - b).abs() > tolerance * a || (before + 1..after).any(in_front) {
         return;
     }
     for i in before + 1..after {
         let share = (i - before) as f32 / steps;
-        let (at, nearer) = (first + i * stride, if share < 0.5 { start } else { end });
+        let (at, nearer) = (line.at(i), if share < 0.5 { start } else { end });
         estimate.depths[at] = 1.0 / ((1.0 - share) / a + share / b);
         estimate.normals[at] = estimate.normals[nearer];
         estimate.confidence[at] = estimate.confidence[nearer];

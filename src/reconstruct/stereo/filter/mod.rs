@@ -10,6 +10,6 @@ mod depth_filter;
 mod snap;
 
 pub use complete::{CompleteOptions, FilterOptions, completed};
-pub use consistency::{Agreement, Match, Neighbour, Surface, UNSEEN};
+pub use consistency::{Agreement, Match, Neighbour, PixelPoint, Surface, UNSEEN};
 pub use depth_filter::filter;
 pub use snap::{SnapOptions, snapped};

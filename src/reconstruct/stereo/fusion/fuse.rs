@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::cloud::{Contributor, DenseCloud, FusedView};
-use crate::stereo::filter::{Agreement, Match, Neighbour};
+use crate::stereo::filter::{Agreement, Match, Neighbour, PixelPoint};
 use crate::stereo::patchmatch::{PosedImage, Raster, Tones};
 use crate::stereo::raster::{raster_camera, raster_image};
 use crate::stereo::{DepthEstimate, DepthStore, Stage, StereoError};
@@ -18,6 +18,17 @@ use ostra_core::job::Progress;
 use ostra_core::statistics::mean_median;
 use ostra_frames::{Frame, FrameStore, Image};
 
+/// Input of fusion: frames, and which of them were compared.
+#[derive(Debug, Clone, Copy)]
+pub struct FusionRequest<'a> {
+    /// All frames, by number.
+    pub frames: &'a [Frame],
+    /// For each view that has depth, the frames that it was compared with.
+    pub neighbours: &'a BTreeMap<usize, Vec<usize>>,
+    /// Longer side of the rasters on which depth was estimated, in pixels.
+    pub max_side: u32,
+}
+
 /// Fuses the complete depths of some views into points.
 ///
 /// View after view, each pixel that no point uses yet creates one, together with the pixels of
@@ -26,101 +37,44 @@ use ostra_frames::{Frame, FrameStore, Image};
 /// point lies on the pixel's own ray, at the median of the depths of their planes. Every pixel is
 /// used once.
 ///
-/// `neighbours` gives for each view the frames that it was compared with. The same input gives the
-/// same bytes, whatever the number of threads. A view whose image or depth cannot be read creates
-/// no points; the line that is returned with the cloud names such views.
+/// The same input gives the same bytes, whatever the number of threads. A view whose image or depth
+/// cannot be read creates no points; the line that is returned with the cloud names such views.
 ///
 /// # Errors
 /// [`StereoError::Scene`] if no view can be read, [`StereoError::Stopped`].
-#[expect(
-    clippy::too_many_lines,
-    reason = "under 80 lines before rustfmt's defaults; to be split"
-)]
 pub fn fuse_depths(
-    frames: &[Frame],
-    neighbours: &BTreeMap<usize, Vec<usize>>,
-    (store, max_side): (&FrameStore, u32),
+    request: &FusionRequest<'_>,
+    store: &FrameStore,
     depths: &dyn DepthStore,
     options: &FusionOptions,
     progress: &Progress,
 ) -> Result<(DenseCloud, Option<String>), StereoError> {
     progress.stage("fuse")?;
-    let mut cloud = DenseCloud {
-        offsets: vec![0],
-        ..DenseCloud::default()
-    };
+    let fusion = Fusion::new(request, store, depths, options);
+    let mut cloud = fusion.empty_cloud();
+    let mut used = unused_pixels(&cloud);
     let (mut unreadable, mut is_any) = (Vec::new(), false);
-    let mut used: Vec<Vec<bool>> = Vec::new();
-    let places: BTreeMap<usize, usize> = neighbours
-        .keys()
-        .enumerate()
-        .map(|(at, &frame)| (frame, at))
-        .collect();
-    for &number in places.keys() {
-        let Some((camera, _)) = frames[number].posed_camera() else {
-            continue;
-        };
-        let raster = raster_camera(camera, max_side);
-        used.push(vec![false; raster.width as usize * raster.height as usize]);
-        cloud.views.push(FusedView {
-            frame: number,
-            raster,
-            camera: *camera,
-        });
-    }
-    for (&number, &place) in &places {
-        progress.step(place, places.len())?;
-        let Some(estimate) = readable(depths.load(number, Stage::Complete))? else {
-            unreadable.push(number);
-            continue;
-        };
-        let Some(estimate) = estimate else { continue };
-        let (Some((camera, pose)), Some(own)) = (
-            frames[number].posed_camera(),
-            image(&frames[number], max_side),
-        ) else {
-            continue;
-        };
-        let colors =
-            raster_image(&frames[number], camera, store, max_side).map_err(SceneError::from);
-        let Some(colors) = readable(colors)? else {
-            unreadable.push(number);
-            continue;
-        };
-        is_any = true;
-        let around = connected(neighbours, number);
-        let mut others = Vec::new();
-        for other in around {
-            let Some(&at) = places.get(&other) else {
-                continue;
-            };
-            let Some(estimate) = readable(depths.load(other, Stage::Complete))?.flatten() else {
-                continue;
-            };
-            if let Some(image) = image(&frames[other], max_side) {
-                others.push((at, Neighbour::new(&own, &image, estimate)));
+    for (&number, &place) in &fusion.places {
+        progress.step(place, fusion.places.len())?;
+        match fusion.view(number, place)? {
+            ViewInput::Missing => {}
+            ViewInput::Unreadable => unreadable.push(number),
+            ViewInput::Read(view) => {
+                is_any = true;
+                let needed = options.min_pixels.clamp(1, view.others.len() + 1);
+                view.add_points(&mut cloud, &mut used, needed, progress)?;
             }
         }
-        let view = View {
-            place,
-            estimate: &estimate,
-            colors: &colors,
-            raster: own.raster(0),
-            world_from_camera: glam::DMat3::from_quat(pose.rotation.conjugate()).as_mat3(),
-            centre: pose.centre().as_vec3(),
-            others: &others,
-            agreement: options.agreement,
-        };
-        let needed = options.min_pixels.clamp(1, others.len() + 1);
-        view.add_points(&mut cloud, &mut used, needed, progress)?;
     }
     if let Some(&first) = unreadable.first().filter(|_| !is_any) {
         depths.load(first, Stage::Complete)?;
-        store.image(&frames[first]).map_err(SceneError::from)?;
+        store
+            .image(&request.frames[first])
+            .map_err(SceneError::from)?;
     }
     let names: Vec<&str> = unreadable
         .iter()
-        .map(|&number| frames[number].name.as_str())
+        .map(|&number| request.frames[number].name.as_str())
         .collect();
     Ok((
         cloud,
@@ -129,6 +83,129 @@ pub fn fuse_depths(
             &names,
         ),
     ))
+}
+
+/// A run: its input, and the places of its views.
+struct Fusion<'a> {
+    request: &'a FusionRequest<'a>,
+    store: &'a FrameStore,
+    depths: &'a dyn DepthStore,
+    options: &'a FusionOptions,
+    /// Place of each view among the views of the cloud, by frame number.
+    places: BTreeMap<usize, usize>,
+}
+
+/// Input of one view.
+enum ViewInput {
+    /// It has no depth or no posed camera.
+    Missing,
+    /// Its image or depth cannot be read.
+    Unreadable,
+    /// All of it was read.
+    Read(View),
+}
+
+impl<'a> Fusion<'a> {
+    fn new(
+        request: &'a FusionRequest<'a>,
+        store: &'a FrameStore,
+        depths: &'a dyn DepthStore,
+        options: &'a FusionOptions,
+    ) -> Self {
+        let places = request
+            .neighbours
+            .keys()
+            .enumerate()
+            .map(|(at, &frame)| (frame, at))
+            .collect();
+        Self {
+            request,
+            store,
+            depths,
+            options,
+            places,
+        }
+    }
+
+    /// Returns a cloud with the views and no points yet.
+    fn empty_cloud(&self) -> DenseCloud {
+        let mut cloud = DenseCloud {
+            offsets: vec![0],
+            ..DenseCloud::default()
+        };
+        for &number in self.places.keys() {
+            let Some((camera, _)) = self.request.frames[number].posed_camera() else {
+                continue;
+            };
+            cloud.views.push(FusedView {
+                frame: number,
+                raster: raster_camera(camera, self.request.max_side),
+                camera: *camera,
+            });
+        }
+        cloud
+    }
+
+    /// Reads a view and its neighbours.
+    fn view(&self, number: usize, place: usize) -> Result<ViewInput, StereoError> {
+        let max_side = self.request.max_side;
+        let frame = &self.request.frames[number];
+        let Some(estimate) = readable(self.depths.load(number, Stage::Complete))? else {
+            return Ok(ViewInput::Unreadable);
+        };
+        let Some(estimate) = estimate else {
+            return Ok(ViewInput::Missing);
+        };
+        let (Some((camera, pose)), Some(own)) = (frame.posed_camera(), image(frame, max_side))
+        else {
+            return Ok(ViewInput::Missing);
+        };
+        let colors = raster_image(frame, camera, self.store, max_side).map_err(SceneError::from);
+        let Some(colors) = readable(colors)? else {
+            return Ok(ViewInput::Unreadable);
+        };
+        Ok(ViewInput::Read(View {
+            place,
+            estimate,
+            colors,
+            raster: own.raster(0),
+            world_from_camera: glam::DMat3::from_quat(pose.rotation.conjugate()).as_mat3(),
+            centre: pose.centre().as_vec3(),
+            others: self.others(number, &own)?,
+            agreement: self.options.agreement,
+        }))
+    }
+
+    /// Returns the readable neighbours of a view, each with its place.
+    fn others(
+        &self,
+        number: usize,
+        own: &PosedImage,
+    ) -> Result<Vec<(usize, Neighbour)>, StereoError> {
+        let mut others = Vec::new();
+        for other in connected(self.request.neighbours, number) {
+            let Some(&at) = self.places.get(&other) else {
+                continue;
+            };
+            let Some(estimate) = readable(self.depths.load(other, Stage::Complete))?.flatten()
+            else {
+                continue;
+            };
+            if let Some(image) = image(&self.request.frames[other], self.request.max_side) {
+                others.push((at, Neighbour::new(own, &image, estimate)));
+            }
+        }
+        Ok(others)
+    }
+}
+
+/// Returns for each view which pixels a point uses: none.
+fn unused_pixels(cloud: &DenseCloud) -> Vec<Vec<bool>> {
+    cloud
+        .views
+        .iter()
+        .map(|view| vec![false; view.raster.width as usize * view.raster.height as usize])
+        .collect()
 }
 
 /// Returns an image's geometry without its pixels.
@@ -155,18 +232,19 @@ fn connected(neighbours: &BTreeMap<usize, Vec<usize>>, number: usize) -> Vec<usi
     all
 }
 
-struct View<'a> {
+/// A view that creates points.
+struct View {
     place: usize,
-    estimate: &'a Arc<DepthEstimate>,
-    colors: &'a Image,
+    estimate: Arc<DepthEstimate>,
+    colors: Image,
     raster: Raster,
     world_from_camera: Mat3,
     centre: Vec3,
-    others: &'a [(usize, Neighbour)],
+    others: Vec<(usize, Neighbour)>,
     agreement: Agreement,
 }
 
-impl View<'_> {
+impl View {
     /// Rows of pixels are matched in parallel; points are created one after the other.
     fn add_points(
         &self,
@@ -214,16 +292,10 @@ impl View<'_> {
         if depth <= 0.0 {
             return Vec::new();
         }
-        let width = self.estimate.width();
-        let (place, normal) = (
-            ((at % width) as f32, (at / width) as f32),
-            self.estimate.normal(at),
-        );
+        let (width, normal) = (self.estimate.width(), self.estimate.normal(at));
+        let point = PixelPoint::new(at, width, 1.0 / depth, normal);
         let found = |(view, neighbour): &(usize, Neighbour)| {
-            Some((
-                *view,
-                neighbour.matched(place, 1.0 / depth, normal, &self.agreement)?,
-            ))
+            Some((*view, neighbour.matched(&point, &self.agreement)?))
         };
         self.others.iter().filter_map(found).collect()
     }

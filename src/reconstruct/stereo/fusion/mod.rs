@@ -5,4 +5,4 @@ mod cloud;
 mod fuse;
 
 pub use cloud::{Contributor, DenseCloud, FusedView};
-pub use fuse::{FusionOptions, fuse_depths};
+pub use fuse::{FusionOptions, FusionRequest, fuse_depths};

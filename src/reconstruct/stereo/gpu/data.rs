@@ -163,7 +163,7 @@ impl SourceData {
             back: source
                 .found
                 .as_ref()
-                .map_or([[0.0; 4]; 4], |(_, back)| columns(back)),
+                .map_or([[0.0; 4]; 4], |found| columns(&found.back)),
             size: [source.texture.width as u32, source.texture.height as u32],
             first: first as u32,
             has_found: u32::from(source.found.is_some()),

@@ -147,7 +147,7 @@ fn found(device: &Device, level: &Level<'_>, firsts: &[usize]) -> Result<[Buffer
     let room = || device.zeros::<f32>("depths of the sources", count);
     let buffers = [room()?, room()?, room()?];
     for (source, &first) in level.sources.iter().zip(firsts) {
-        let Some((found, _)) = &source.found else {
+        let Some(found) = &source.found else {
             continue;
         };
         let parts: [fn(&Plane) -> f32; 3] = [|p| p.inverse_depth, |p| p.slope[0], |p| p.slope[1]];
@@ -155,7 +155,7 @@ fn found(device: &Device, level: &Level<'_>, firsts: &[usize]) -> Result<[Buffer
             device.write(
                 buffer,
                 first,
-                &found.planes.iter().map(part).collect::<Vec<f32>>(),
+                &found.planes.planes.iter().map(part).collect::<Vec<f32>>(),
             )?;
         }
     }

@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use pulp::Simd;
 
-use super::ncc;
-use super::plane::{Color, Plane, Raster, Transfer, WORST};
+use super::plane::{Color, Hypothesis, Plane, Raster, Transfer, WORST};
 use super::posed_image::{PosedImage, Texture};
 use super::search_input::{PatchMatchOptions, PlaneMap, Search};
 use super::window::{Patch, Window};
@@ -21,8 +20,17 @@ pub struct Source {
     pub transfer: Transfer,
     /// Its image.
     pub texture: Arc<Texture>,
-    /// Planes that an earlier round found there, with the transfer back; `None` = not compared.
-    pub found: Option<(Arc<PlaneMap>, Transfer)>,
+    /// Planes that an earlier round found there; `None` = not compared.
+    pub found: Option<FoundPlanes>,
+}
+
+/// Planes that an earlier round found in a source.
+#[derive(Debug, Clone)]
+pub struct FoundPlanes {
+    /// The planes.
+    pub planes: Arc<PlaneMap>,
+    /// Transfer from the source to the reference.
+    pub back: Transfer,
 }
 
 /// Prior knowledge of a pixel.
@@ -94,7 +102,8 @@ impl Level<'_> {
 
     /// Returns the cost of a hypothesis' difference from a pixel's hint, if its patch is flat.
     #[inline(always)]
-    pub fn pulled(&self, patch: &Patch, (plane, x, y): (Plane, f32, f32)) -> f32 {
+    pub fn pulled(&self, patch: &Patch, hypothesis: Hypothesis) -> f32 {
+        let Hypothesis { plane, x, y } = hypothesis;
         let most = patch.flatness * self.pull;
         if most <= 0.0 {
             return 0.0;
@@ -110,7 +119,7 @@ impl Level<'_> {
         let [low, high] = self.range;
         plane.inverse_depth >= low
             && plane.inverse_depth <= high
-            && plane.is_facing(&self.raster, (x, y), self.options.min_facing)
+            && plane.is_facing(&self.raster, x, y, self.options.min_facing)
     }
 
     /// Returns the cost of a hypothesis in one source.
@@ -121,33 +130,27 @@ impl Level<'_> {
         &self,
         simd: S,
         patch: &Patch,
-        at: (Plane, f32, f32),
+        hypothesis: Hypothesis,
         source: &Source,
     ) -> f32 {
-        let photometric = ncc::cost(
+        let photometric = patch.cost(
             simd,
             self.window,
-            patch,
-            at,
+            hypothesis,
             &source.transfer,
             &source.texture,
         );
         match &source.found {
             Some(found) if photometric < WORST => {
-                photometric + self.geometric_cost(at, source, found)
+                photometric + self.geometric_cost(hypothesis, source, found)
             }
             _ => photometric,
         }
     }
 
     #[inline(always)]
-    fn geometric_cost(
-        &self,
-        at: (Plane, f32, f32),
-        source: &Source,
-        found: &(Arc<PlaneMap>, Transfer),
-    ) -> f32 {
-        let error = forward_backward(at, source, found).unwrap_or(f32::INFINITY);
+    fn geometric_cost(&self, hypothesis: Hypothesis, source: &Source, found: &FoundPlanes) -> f32 {
+        let error = forward_backward(hypothesis, source, found).unwrap_or(f32::INFINITY);
         self.options.geometric_weight * error.min(self.options.max_geometric_px)
     }
 }
@@ -156,11 +159,8 @@ impl Level<'_> {
 ///
 /// `None` outside the source and where it has no depth.
 #[inline(always)]
-fn forward_backward(
-    (plane, x, y): (Plane, f32, f32),
-    source: &Source,
-    (found, back): &(Arc<PlaneMap>, Transfer),
-) -> Option<f32> {
+fn forward_backward(hypothesis: Hypothesis, source: &Source, found: &FoundPlanes) -> Option<f32> {
+    let Hypothesis { plane, x, y } = hypothesis;
     let [u, v, z] = source.transfer.apply(x, y, plane.inverse_depth);
     let scale = 1.0 / z;
     let (u, v) = (u * scale, v * scale);
@@ -170,12 +170,12 @@ fn forward_backward(
     if column as usize >= width || row as usize >= height {
         return None;
     }
-    let there = found.planes[row as usize * width + column as usize];
+    let there = found.planes.planes[row as usize * width + column as usize];
     if there.inverse_depth <= 0.0 {
         return None;
     }
     let w = there.moved(u - column as f32, v - row as f32).inverse_depth;
-    let [s, t, z] = back.apply(u, v, w);
+    let [s, t, z] = found.back.apply(u, v, w);
     let scale = 1.0 / z;
     let (s, t) = (s * scale - x, t * scale - y);
     Some((s * s + t * t).sqrt())
@@ -293,7 +293,7 @@ pub fn level<'a>(
         .collect();
     let [near, far] = search.depth_range.map(|depth| (1.0 / depth) as f32);
     let image = Arc::clone(&reference.levels[number]);
-    let centre = (0.5 * image.width as f32, 0.5 * image.height as f32);
+    let centre = [0.5 * image.width as f32, 0.5 * image.height as f32];
     let step = pixel_step(&sources, centre, 0.5 * (near + far));
     Level {
         regions: Regions::new(image.width, image.height),
@@ -311,7 +311,7 @@ pub fn level<'a>(
 }
 
 /// Returns the change of inverse depth that moves the middle of the image by a pixel in the median source.
-fn pixel_step(sources: &[Source], (x, y): (f32, f32), w: f32) -> f32 {
+fn pixel_step(sources: &[Source], [x, y]: [f32; 2], w: f32) -> f32 {
     let change = 1e-3 * w;
     let seen = |source: &Source, w: f32| {
         let [u, v, z] = source.transfer.apply(x, y, w);

@@ -1,6 +1,6 @@
 use pulp::Simd;
 
-use super::plane::{Plane, Transfer, WORST};
+use super::plane::{Hypothesis, Transfer, WORST};
 use super::posed_image::{ROUNDING, Texture};
 use super::window::{FLAT_VARIANCE, NOISE, PADDED, Patch, TAPS, Window};
 
@@ -16,46 +16,50 @@ pub const FLAT_COST: f32 = 0.6;
 /// Added to this cost where the source shows texture instead.
 pub const UNLIKE_COST: f32 = 0.7;
 
-/// Returns `1 − NCC` between a patch and its projection to a source image by its plane, 0–2.
-///
-/// The weights are bilateral as in J. Schönberger et al., *Pixelwise View Selection for
-/// Unstructured Multi-View Stereo*, ECCV 2016. The cost is [`WORST`] if the source does not see the
-/// centre. A little noise is added to both variances, so that flat patches correlate with nothing.
-/// They are distinguished by the chroma difference of the centre, which does not change with the
-/// light, and counts less the more texture a patch has. Where a patch without texture lies on a
-/// surface that is known from the surroundings, lack of correlation is no evidence against it;
-/// texture in the source is.
-#[inline(always)]
-pub fn cost<S: Simd>(
-    simd: S,
-    window: &Window,
-    patch: &Patch,
-    (plane, x, y): (Plane, f32, f32),
-    transfer: &Transfer,
-    texture: &Texture,
-) -> f32 {
-    let homography = &transfer.homography(plane, x, y);
-    let [u, v, z] = homography[0];
-    let (right, bottom) = (texture.last_column(), texture.last_row());
-    // Without branches between the conditions.
-    let is_inside = (u >= 0.0) & (v >= 0.0) & (u <= right * z) & (v <= bottom * z) & (z >= 1e-6);
-    if !is_inside {
-        return WORST;
+impl Patch {
+    /// Returns `1 − NCC` between a patch and its projection to a source image by its plane, 0–2.
+    ///
+    /// The weights are bilateral as in J. Schönberger et al., *Pixelwise View Selection for
+    /// Unstructured Multi-View Stereo*, ECCV 2016. The cost is [`WORST`] if the source does not see the
+    /// centre. A little noise is added to both variances, so that flat patches correlate with nothing.
+    /// They are distinguished by the chroma difference of the centre, which does not change with the
+    /// light, and counts less the more texture a patch has. Where a patch without texture lies on a
+    /// surface that is known from the surroundings, lack of correlation is no evidence against it;
+    /// texture in the source is.
+    #[inline(always)]
+    pub fn cost<S: Simd>(
+        &self,
+        simd: S,
+        window: &Window,
+        hypothesis: Hypothesis,
+        transfer: &Transfer,
+        texture: &Texture,
+    ) -> f32 {
+        let Hypothesis { plane, x, y } = hypothesis;
+        let homography = &transfer.homography(plane, x, y);
+        let [u, v, z] = homography[0];
+        let (right, bottom) = (texture.last_column(), texture.last_row());
+        // Without branches between the conditions.
+        let is_inside =
+            (u >= 0.0) & (v >= 0.0) & (u <= right * z) & (v <= bottom * z) & (z >= 1e-6);
+        if !is_inside {
+            return WORST;
+        }
+        let mut places = Places {
+            texels: [0; PADDED],
+            share_x: [0.0; PADDED],
+            share_y: [0.0; PADDED],
+        };
+        locate(simd, window, homography, texture, &mut places);
+        let mut quads = [0u32; PADDED];
+        for (quad, &texel) in quads.iter_mut().zip(&places.texels).take(TAPS) {
+            *quad = texture.quads[texel as usize];
+        }
+        let scale = 1.0 / z;
+        let chroma = texture.chroma_at(u * scale, v * scale);
+        let off = (chroma[0] - self.chroma[0]).abs() + (chroma[1] - self.chroma[1]).abs();
+        correlate(simd, self, &quads, &places, off)
     }
-    let mut places = Places {
-        texels: [0; PADDED],
-        share_x: [0.0; PADDED],
-        share_y: [0.0; PADDED],
-    };
-    locate(simd, window, homography, texture, &mut places);
-    let mut quads = [0u32; PADDED];
-    for (quad, &texel) in quads.iter_mut().zip(&places.texels).take(TAPS) {
-        *quad = texture.quads[texel as usize];
-    }
-    let scale = 1.0 / z;
-    let chroma = texture.chroma_at(u * scale, v * scale);
-    let off = (chroma[0] - patch.chroma[0]).abs() + (chroma[1] - patch.chroma[1]).abs();
-    correlate(simd, patch, &quads, (&places.share_x, &places.share_y), off)
 }
 
 /// Texels between which the taps lie: the index of the upper left one, and the distance towards the
@@ -147,11 +151,12 @@ fn correlate<S: Simd>(
     simd: S,
     patch: &Patch,
     quads: &[u32; PADDED],
-    (share_x, share_y): (&[f32; PADDED], &[f32; PADDED]),
+    places: &Places,
     chroma_off: f32,
 ) -> f32 {
     let (quads, _) = S::as_simd_u32s(quads);
-    let ((share_x, _), (share_y, _)) = (S::as_simd_f32s(share_x), S::as_simd_f32s(share_y));
+    let (share_x, _) = S::as_simd_f32s(&places.share_x);
+    let (share_y, _) = S::as_simd_f32s(&places.share_y);
     let ((weights, _), (weighted, _)) = (
         S::as_simd_f32s(&patch.weights),
         S::as_simd_f32s(&patch.weighted),

@@ -3,7 +3,7 @@
 use pulp::{NullaryFnOnce, Simd};
 
 use super::level::{Level, MAX_SOURCES};
-use super::plane::{Color, Plane, WORST};
+use super::plane::{Color, Hypothesis, Plane, WORST};
 use super::random::Dice;
 use super::views::{COMPARED, ViewWeights, choose_views};
 use super::window::Patch;
@@ -60,14 +60,15 @@ impl HypothesisTest<'_, '_> {
         if !self.level.is_possible(plane, self.x, self.y) {
             return f32::INFINITY;
         }
-        let mut sum = self.level.pulled(&self.patch, (plane, self.x, self.y));
+        let (x, y) = (self.x, self.y);
+        let hypothesis = Hypothesis { plane, x, y };
+        let mut sum = self.level.pulled(&self.patch, hypothesis);
         for &source in &self.views.order[..self.views.count] {
             let source = source as usize;
-            let at = (plane, self.x, self.y);
-            sum += self.views.weights[source]
-                * self
-                    .level
-                    .cost(simd, &self.patch, at, &self.level.sources[source]);
+            let cost = self
+                .level
+                .cost(simd, &self.patch, hypothesis, &self.level.sources[source]);
+            sum += self.views.weights[source] * cost;
             if sum >= limit {
                 break;
             }
@@ -225,79 +226,134 @@ pub struct Changes {
     pub by_slope: f32,
 }
 
-/// Finds the best hypothesis for a pixel: its own, those of the other colour around it, and changed ones.
-///
-/// The pixel must have something to compare. Every hypothesis is compared in all sources. Three
-/// cheaper ways together take a quarter less time (temple: 2.87 s a view instead of 3.74 on two
-/// cores) and find as many of the reference points of dtu and fountain, as exactly (`cargo bench
-/// --bench depths`):
-/// * only the first five distinct hypotheses compared in all sources, the others in the chosen
-///   ones;
-/// * slopes sought by a parabola in consistent rounds only;
-/// * consistent rounds begun with the costs of the round before.
-///
-/// But the demo from images alone then falls below its floors of 0.93 accuracy and 0.90 IoU of the
-/// leaves: from 0.938 to 0.929 by the first, to 0.914 by two, and to a leaf IoU of 0.86 by all
-/// three, probably because thin parts depend on hypotheses from farther away. Skipping sources
-/// whose cost alone already decides, with the same result to the bit, takes as long as computing
-/// all.
-#[inline(always)]
-pub fn visit<S: Simd>(
-    simd: S,
-    level: &Level<'_>,
-    other: &Color,
-    own: Plane,
-    (x, y): (usize, usize),
-    turn: SweepState,
-) -> (Plane, f32) {
-    let patch = level.patch(x, y);
-    let (u, v) = (x as f32, y as f32);
-    let mut planes = [own; COMPARED];
-    let mut times = [1; COMPARED];
-    let hint = level.hint_for(&patch, x, y);
-    let count = gather(level, other, (x, y), hint, &mut planes, &mut times);
-    let mut costs = [[WORST; MAX_SOURCES]; COMPARED];
-    for (costs, &plane) in costs.iter_mut().zip(&planes[..count]) {
-        for (cost, source) in costs.iter_mut().zip(&level.sources) {
-            *cost = level.cost(simd, &patch, (plane, u, v), source);
+/// Input that updates of the pixels of one colour share.
+#[derive(Clone, Copy)]
+pub struct ColorUpdate<'a, 'b> {
+    /// Level of the pyramid.
+    pub level: &'a Level<'b>,
+    /// Pixels of the other colour.
+    pub other: &'a Color,
+    /// Progress of the search.
+    pub turn: SweepState,
+}
+
+/// Hypotheses of a pixel that differ.
+struct Candidates {
+    planes: [Plane; COMPARED],
+    /// Number of gathered hypotheses that are nearly the same as each.
+    times: [u32; COMPARED],
+    /// Number of hypotheses.
+    count: usize,
+}
+
+impl ColorUpdate<'_, '_> {
+    /// Finds the best hypothesis for a pixel: its own, those of the other colour around it, and changed ones.
+    ///
+    /// The pixel must have something to compare. Every hypothesis is compared in all sources. Three
+    /// cheaper ways together take a quarter less time (temple: 2.87 s a view instead of 3.74 on two
+    /// cores) and find as many of the reference points of dtu and fountain, as exactly (`cargo bench
+    /// --bench depths`):
+    /// * only the first five distinct hypotheses compared in all sources, the others in the chosen
+    ///   ones;
+    /// * slopes sought by a parabola in consistent rounds only;
+    /// * consistent rounds begun with the costs of the round before.
+    ///
+    /// But the demo from images alone then falls below its floors of 0.93 accuracy and 0.90 IoU of the
+    /// leaves: from 0.938 to 0.929 by the first, to 0.914 by two, and to a leaf IoU of 0.86 by all
+    /// three, probably because thin parts depend on hypotheses from farther away. Skipping sources
+    /// whose cost alone already decides, with the same result to the bit, takes as long as computing
+    /// all.
+    #[inline(always)]
+    pub fn visit<S: Simd>(&self, simd: S, own: Plane, x: usize, y: usize) -> (Plane, f32) {
+        let Self { level, other, turn } = *self;
+        let patch = level.patch(x, y);
+        let (u, v) = (x as f32, y as f32);
+        let at_pixel = |plane: Plane| Hypothesis { plane, x: u, y: v };
+        let hint = level.hint_for(&patch, x, y);
+        let Candidates {
+            planes,
+            times,
+            count,
+        } = self.gather(own, hint, x, y);
+        let mut costs = [[WORST; MAX_SOURCES]; COMPARED];
+        for (costs, &plane) in costs.iter_mut().zip(&planes[..count]) {
+            for (cost, source) in costs.iter_mut().zip(&level.sources) {
+                *cost = level.cost(simd, &patch, at_pixel(plane), source);
+            }
+        }
+        let sources = level.sources.len();
+        let views = choose_views(
+            &costs[..count],
+            &times[..count],
+            sources,
+            turn.good(),
+            level.options.best_views,
+        );
+        let mut test = HypothesisTest {
+            level,
+            patch,
+            x: u,
+            y: v,
+            views,
+            plane: own,
+            cost: f32::INFINITY,
+        };
+        for (costs, &plane) in costs[..count].iter().zip(&planes) {
+            let pulled = level.pulled(&test.patch, at_pixel(plane));
+            let cost = views
+                .weights
+                .iter()
+                .zip(costs)
+                .fold(pulled, |sum, (weight, cost)| sum + weight * cost);
+            if cost < test.cost {
+                (test.plane, test.cost) = (plane, cost);
+            }
+        }
+        let dice = Dice::new(
+            level.options.seed,
+            turn.visit,
+            (y * level.image.width + x) as u32,
+        );
+        test.restart(simd, other, dice, turn);
+        test.refine(simd, dice, turn);
+        (test.plane, test.cost)
+    }
+
+    /// Gathers the pixel's own plane, those of the best pixels around, and one from elsewhere.
+    ///
+    /// Planes that are nearly the same are counted.
+    #[inline(always)]
+    fn gather(&self, own: Plane, hint: Option<Plane>, x: usize, y: usize) -> Candidates {
+        let Self { level, other, .. } = *self;
+        let mut planes = [own; COMPARED];
+        let mut times = [1; COMPARED];
+        let mut count = 1;
+        let near = level.options.alike_px * level.step;
+        let around = level.regions.best(other, x, y).into_iter().flatten();
+        let around = around.map(|(dx, dy, at)| other.planes[at].moved(-dx as f32, -dy as f32));
+        for plane in around.chain(hint) {
+            if !level.is_possible(plane, x as f32, y as f32) {
+                continue;
+            }
+            let alike = |known: &Plane| {
+                (known.inverse_depth - plane.inverse_depth).abs() < near
+                    && 4.0 * (known.slope[0] - plane.slope[0]).abs() < near
+                    && 4.0 * (known.slope[1] - plane.slope[1]).abs() < near
+            };
+            match planes[..count].iter().position(alike) {
+                Some(known) => times[known] += 1,
+                None => {
+                    (planes[count], times[count]) = (plane, 1);
+                    count += 1;
+                }
+            }
+        }
+        Candidates {
+            planes,
+            times,
+            count,
         }
     }
-    let sources = level.sources.len();
-    let views = choose_views(
-        &costs[..count],
-        &times[..count],
-        sources,
-        turn.good(),
-        level.options.best_views,
-    );
-    let mut test = HypothesisTest {
-        level,
-        patch,
-        x: u,
-        y: v,
-        views,
-        plane: own,
-        cost: f32::INFINITY,
-    };
-    for (costs, &plane) in costs[..count].iter().zip(&planes) {
-        let pulled = level.pulled(&test.patch, (plane, u, v));
-        let cost = views
-            .weights
-            .iter()
-            .zip(costs)
-            .fold(pulled, |sum, (weight, cost)| sum + weight * cost);
-        if cost < test.cost {
-            (test.plane, test.cost) = (plane, cost);
-        }
-    }
-    let dice = Dice::new(
-        level.options.seed,
-        turn.visit,
-        (y * level.image.width + x) as u32,
-    );
-    test.restart(simd, other, dice, turn);
-    test.refine(simd, dice, turn);
-    (test.plane, test.cost)
 }
 
 /// Returns the cost of a pixel's own hypothesis over its two best sources; `None` if there is nothing to compare.
@@ -306,15 +362,21 @@ pub fn own_cost<S: Simd>(
     simd: S,
     level: &Level<'_>,
     own: Plane,
-    (x, y): (usize, usize),
+    x: usize,
+    y: usize,
 ) -> Option<f32> {
     let patch = level.patch(x, y);
     if patch.is_empty(level.options.min_variance) {
         return None;
     }
+    let own = Hypothesis {
+        plane: own,
+        x: x as f32,
+        y: y as f32,
+    };
     let mut least = [WORST; 2];
     for source in &level.sources {
-        let cost = level.cost(simd, &patch, (own, x as f32, y as f32), source);
+        let cost = level.cost(simd, &patch, own, source);
         if cost < least[1] {
             least = [least[0].min(cost), least[0].max(cost)];
         }
@@ -324,41 +386,5 @@ pub fn own_cost<S: Simd>(
     } else {
         least[0]
     };
-    Some((seen + level.pulled(&patch, (own, x as f32, y as f32))).min(WORST))
-}
-
-/// Appends the planes of the best pixels around, and one from elsewhere, to the pixel's own.
-///
-/// Planes that are nearly the same are counted.
-#[inline(always)]
-fn gather(
-    level: &Level<'_>,
-    other: &Color,
-    (x, y): (usize, usize),
-    hint: Option<Plane>,
-    planes: &mut [Plane; COMPARED],
-    times: &mut [u32; COMPARED],
-) -> usize {
-    let mut count = 1;
-    let near = level.options.alike_px * level.step;
-    let around = level.regions.best(other, x, y).into_iter().flatten();
-    let around = around.map(|(dx, dy, at)| other.planes[at].moved(-dx as f32, -dy as f32));
-    for plane in around.chain(hint) {
-        if !level.is_possible(plane, x as f32, y as f32) {
-            continue;
-        }
-        let alike = |known: &Plane| {
-            (known.inverse_depth - plane.inverse_depth).abs() < near
-                && 4.0 * (known.slope[0] - plane.slope[0]).abs() < near
-                && 4.0 * (known.slope[1] - plane.slope[1]).abs() < near
-        };
-        match planes[..count].iter().position(alike) {
-            Some(known) => times[known] += 1,
-            None => {
-                (planes[count], times[count]) = (plane, 1);
-                count += 1;
-            }
-        }
-    }
-    count
+    Some((seen + level.pulled(&patch, own)).min(WORST))
 }

@@ -14,6 +14,26 @@ pub struct Plane {
     pub slope: [f32; 2],
 }
 
+/// A plane as the hypothesis of a pixel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hypothesis {
+    /// The plane.
+    pub plane: Plane,
+    /// Column of the pixel.
+    pub x: f32,
+    /// Row of the pixel.
+    pub y: f32,
+}
+
+/// A pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Pixel {
+    /// Column.
+    pub x: usize,
+    /// Row.
+    pub y: usize,
+}
+
 /// A pinhole camera on the raster: positions are pixel indices, the centre of the top-left pixel is (0, 0).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Raster {
@@ -49,12 +69,12 @@ impl Plane {
 
     /// Converts the plane of a coarse pixel to a fine one, in an image twice the size.
     #[inline(always)]
-    pub fn enlarged(self, (x, y): (usize, usize), (column, row): (usize, usize)) -> Self {
+    pub fn enlarged(self, fine: Pixel, coarse: Pixel) -> Self {
         let off = |fine: usize, coarse: usize| 0.5 * (fine as f32 - 0.5) - coarse as f32;
         let [a, b] = self.slope;
         Self {
             slope: [0.5 * a, 0.5 * b],
-            ..self.moved(off(x, column), off(y, row))
+            ..self.moved(off(fine.x, coarse.x), off(fine.y, coarse.y))
         }
     }
 
@@ -96,7 +116,7 @@ impl Plane {
 
     /// Returns whether the cosine of the angle between the normal and the viewing ray is at least `least`.
     #[inline(always)]
-    pub fn is_facing(self, raster: &Raster, (x, y): (f32, f32), least: f32) -> bool {
+    pub fn is_facing(self, raster: &Raster, x: f32, y: f32, least: f32) -> bool {
         let ray = raster.ray(x, y);
         let ray_squared = 1.0 + ray.x * ray.x + ray.y * ray.y;
         self.inverse_depth

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::level::{PlanePrior, coarse_mask, level};
+use super::level::{FoundPlanes, PlanePrior, coarse_mask, level};
 use super::pixel_update::SweepState;
 use super::plane::{Field, Plane, Raster, WORST};
 use super::search_input::{PatchMatchOptions, PlaneMap, Round, Search};
@@ -101,7 +101,10 @@ pub fn search_consistent<P: Passes>(
     let mut level = level(search, 0, options, &window, search.allowed);
     for ((source, image), found) in level.sources.iter_mut().zip(search.sources).zip(others) {
         let back = image.transfer(search.reference, 0);
-        source.found = found.as_ref().map(|found| (Arc::clone(found), back));
+        source.found = found.as_ref().map(|planes| FoundPlanes {
+            planes: Arc::clone(planes),
+            back,
+        });
     }
     level.hints = hints(search, round, level.step);
     let mut field = Field::new(start.width, start.height);

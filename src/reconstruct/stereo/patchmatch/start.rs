@@ -5,7 +5,7 @@ use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::level::{Level, PlanePrior};
-use super::plane::{Field, Plane, WORST};
+use super::plane::{Field, Pixel, Plane, WORST};
 use super::random::Dice;
 
 /// Planes with a lower cost count as surfaces; mere guesses cost more.
@@ -20,7 +20,7 @@ const SEEN: usize = 3;
 /// Pixels lie on a plane if they are off by at most this many pixels of the coarser level in another image.
 const TOLERANCE_PX: f32 = 0.5;
 /// Lines through a pixel, and how many of them must meet one surface on both sides.
-const LINES: [(isize, isize); 4] = [(1, 0), (0, 1), (1, 1), (1, -1)];
+const LINES: [[isize; 2]; 4] = [[1, 0], [0, 1], [1, 1], [1, -1]];
 const LEAST_LINES: usize = 2;
 
 /// Returns for each pixel of a level the plane of the surrounding surface according to a coarser level.
@@ -33,8 +33,11 @@ const LEAST_LINES: usize = 2;
 /// surface.
 pub fn priors(level: &Level<'_>, coarser: &Field) -> Vec<PlanePrior> {
     let tolerance = 2.0 * TOLERANCE_PX * level.step;
-    let within =
-        |at: usize| surface_around(coarser, (at % coarser.width, at / coarser.width), tolerance);
+    let pixel = |at: usize, width: usize| Pixel {
+        x: at % width,
+        y: at / width,
+    };
+    let within = |at: usize| surface_around(coarser, pixel(at, coarser.width), tolerance);
     let coarse: Vec<Plane> = (0..coarser.width * coarser.height)
         .into_par_iter()
         .map(within)
@@ -44,13 +47,13 @@ pub fn priors(level: &Level<'_>, coarser: &Field) -> Vec<PlanePrior> {
     }
     let (width, height) = (level.image.width, level.image.height);
     let hint = |at: usize| {
-        let pixel = (at % width, at / width);
-        let (column, row) = coarse_pixel(pixel, (coarser.width, coarser.height));
-        let plane = coarse[row * coarser.width + column];
+        let fine = pixel(at, width);
+        let within = coarse_pixel(fine, coarser);
+        let plane = coarse[within.y * coarser.width + within.x];
         let is_known = plane.inverse_depth > 0.0;
         if is_known {
             PlanePrior {
-                plane: plane.enlarged(pixel, (column, row)),
+                plane: plane.enlarged(fine, within),
                 is_known,
             }
         } else {
@@ -61,7 +64,7 @@ pub fn priors(level: &Level<'_>, coarser: &Field) -> Vec<PlanePrior> {
 }
 
 /// Returns the plane of the surface that a pixel lies within; inverse depth 0 if it lies within none.
-fn surface_around(field: &Field, pixel: (usize, usize), tolerance: f32) -> Plane {
+fn surface_around(field: &Field, pixel: Pixel, tolerance: f32) -> Plane {
     let mut lines: Vec<Line> = LINES
         .iter()
         .filter_map(|&along| Line::new(field, pixel, along))
@@ -72,7 +75,7 @@ fn surface_around(field: &Field, pixel: (usize, usize), tolerance: f32) -> Plane
         let worst =
             (0..lines.len()).fold(0, |worst, at| if off[at] > off[worst] { at } else { worst });
         if off[worst] <= tolerance {
-            let (own, cost) = field.at(pixel.0, pixel.1);
+            let (own, cost) = field.at(pixel.x, pixel.y);
             let is_own =
                 cost < CONFIDENT && (own.inverse_depth - plane.inverse_depth).abs() <= tolerance;
             return if is_own { own } else { plane };
@@ -95,10 +98,10 @@ struct ConfidentPixel {
 }
 
 impl Line {
-    fn new(field: &Field, pixel: (usize, usize), (dx, dy): (isize, isize)) -> Option<Self> {
+    fn new(field: &Field, pixel: Pixel, [dx, dy]: [isize; 2]) -> Option<Self> {
         let (to, fro) = (
-            confidence(field, pixel, (dx, dy))?,
-            confidence(field, pixel, (-dx, -dy))?,
+            confidence(field, pixel, [dx, dy])?,
+            confidence(field, pixel, [-dx, -dy])?,
         );
         Some(Self {
             seen: std::array::from_fn(|k| if k < SEEN { to[k] } else { fro[k - SEEN] }),
@@ -115,21 +118,19 @@ impl Line {
 }
 
 /// Returns the nearest confident pixels in a direction.
-fn confidence(
-    field: &Field,
-    (x, y): (usize, usize),
-    (dx, dy): (isize, isize),
-) -> Option<[ConfidentPixel; SEEN]> {
+fn confidence(field: &Field, pixel: Pixel, [dx, dy]: [isize; 2]) -> Option<[ConfidentPixel; SEEN]> {
     let mut seen = [ConfidentPixel {
         at: Vec2::ZERO,
         inverse_depth: 0.0,
     }; SEEN];
     let mut count = 0;
     for steps in NEAREST..=FARTHEST {
-        let column = x
+        let column = pixel
+            .x
             .checked_add_signed(dx * steps)
             .filter(|&column| column < field.width)?;
-        let row = y
+        let row = pixel
+            .y
             .checked_add_signed(dy * steps)
             .filter(|&row| row < field.height)?;
         let (plane, cost) = field.at(column, row);
@@ -205,8 +206,11 @@ pub fn random_field(level: &Level<'_>, seeds: &[(usize, usize, f32)], number: us
 }
 
 /// Returns the coarse pixel that contains a fine one.
-fn coarse_pixel((x, y): (usize, usize), (width, height): (usize, usize)) -> (usize, usize) {
-    ((x / 2).min(width - 1), (y / 2).min(height - 1))
+fn coarse_pixel(fine: Pixel, coarser: &Field) -> Pixel {
+    Pixel {
+        x: (fine.x / 2).min(coarser.width - 1),
+        y: (fine.y / 2).min(coarser.height - 1),
+    }
 }
 
 /// Copies the planes of a coarser field to the four fine pixels of each.
@@ -215,9 +219,10 @@ pub fn finer_field(level: &Level<'_>, coarser: &Field) -> Field {
     let mut field = Field::new(width, height);
     for y in 0..height {
         for x in 0..width {
-            let (column, row) = coarse_pixel((x, y), (coarser.width, coarser.height));
-            let (plane, _) = coarser.at(column, row);
-            field.set(x, y, plane.enlarged((x, y), (column, row)), WORST);
+            let fine = Pixel { x, y };
+            let coarse = coarse_pixel(fine, coarser);
+            let (plane, _) = coarser.at(coarse.x, coarse.y);
+            field.set(x, y, plane.enlarged(fine, coarse), WORST);
         }
     }
     field

@@ -4,7 +4,7 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::level::Level;
-use super::pixel_update::{SweepState, own_cost, visit};
+use super::pixel_update::{ColorUpdate, SweepState, own_cost};
 use super::plane::{Color, Field, Plane, WORST};
 use super::start::finer_field;
 use ostra_core::job::{Progress, Stopped};
@@ -140,12 +140,17 @@ impl Row<'_, '_> {
             }
             match &mut self.work {
                 Work::Score { empty } => {
-                    let own = own_cost(simd, self.level, *plane, (x, self.y));
+                    let own = own_cost(simd, self.level, *plane, x, self.y);
                     (*cost, empty[i]) = (own.unwrap_or(WORST), own.is_none());
                 }
                 Work::Visit { empty, .. } if empty[i] => {}
                 Work::Visit { other, turn, .. } => {
-                    (*plane, *cost) = visit(simd, self.level, other, *plane, (x, self.y), *turn);
+                    let update = ColorUpdate {
+                        level: self.level,
+                        other,
+                        turn: *turn,
+                    };
+                    (*plane, *cost) = update.visit(simd, *plane, x, self.y);
                 }
             }
         }

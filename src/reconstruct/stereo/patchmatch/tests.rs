@@ -1,12 +1,11 @@
 use pulp::{Arch, Simd, WithSimd};
 
-use super::ncc::cost;
-use super::plane::{Plane, Raster, Transfer};
+use super::plane::{Hypothesis, Plane, Raster, Transfer};
 use super::posed_image::{Texture, Tones};
 use super::random::Dice;
 use super::window::{NOISE, Patch, TAPS, Window};
 
-struct Cost<'a>(&'a Texture, &'a Texture, &'a Transfer, (Plane, f32, f32));
+struct Cost<'a>(&'a Texture, &'a Texture, &'a Transfer, Hypothesis);
 
 impl WithSimd for Cost<'_> {
     type Output = f32;
@@ -14,8 +13,8 @@ impl WithSimd for Cost<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> f32 {
         let window = Window::default();
-        let patch = Patch::new(&window, self.0, self.3.1 as usize, self.3.2 as usize);
-        cost(simd, &window, &patch, self.3, self.2, self.1)
+        let patch = Patch::new(&window, self.0, self.3.x as usize, self.3.y as usize);
+        patch.cost(simd, &window, self.3, self.2, self.1)
     }
 }
 
@@ -34,8 +33,9 @@ fn plain(
     reference: &Texture,
     source: &Texture,
     transfer: &Transfer,
-    (plane, x, y): (Plane, f32, f32),
+    hypothesis: Hypothesis,
 ) -> f64 {
+    let Hypothesis { plane, x, y } = hypothesis;
     let window = Window::default();
     let weights = Patch::new(&window, reference, x as usize, y as usize)
         .weights
@@ -85,11 +85,11 @@ fn ncc_equals_that_of_a_plain_loop() {
             inverse_depth: 0.1 + 0.2 * dice.unit(),
             slope,
         };
-        let at = (
+        let at = Hypothesis {
             plane,
-            (6.0 + 24.0 * dice.unit()).floor(),
-            (6.0 + 16.0 * dice.unit()).floor(),
-        );
+            x: (6.0 + 24.0 * dice.unit()).floor(),
+            y: (6.0 + 16.0 * dice.unit()).floor(),
+        };
         let (found, expected) = (
             Arch::new().dispatch(Cost(&reference, &source, &transfer, at)),
             plain(&reference, &source, &transfer, at),
@@ -115,6 +115,15 @@ impl pulp::NullaryFnOnce for Apart<'_> {
     }
 }
 
+/// Returns a plane as the hypothesis of a pixel near the middle.
+fn in_middle(plane: Plane) -> Hypothesis {
+    Hypothesis {
+        plane,
+        x: 20.0,
+        y: 15.0,
+    }
+}
+
 #[test]
 fn image_has_no_cost_against_itself() {
     let texture = noise(3);
@@ -123,12 +132,12 @@ fn image_has_no_cost_against_itself() {
         offset: [1.0, 0.0, 0.0],
     };
     let plane = Plane::default();
-    assert!(Arch::new().dispatch(Cost(&texture, &texture, &same, (plane, 20.0, 15.0))) < 0.01);
+    assert!(Arch::new().dispatch(Cost(&texture, &texture, &same, in_middle(plane))) < 0.01);
     let adjacent = Plane {
         inverse_depth: 5.0,
         ..plane
     };
-    assert!(Arch::new().dispatch(Cost(&texture, &texture, &same, (adjacent, 20.0, 15.0))) > 0.3);
+    assert!(Arch::new().dispatch(Cost(&texture, &texture, &same, in_middle(adjacent))) > 0.3);
 }
 
 #[test]
@@ -147,7 +156,7 @@ fn without_texture_chroma_counts_and_light_does_not() {
     };
     let leaf = flat(120.0, [-20.0, -20.0]);
     let seen_in = |source: &Texture| {
-        Arch::new().dispatch(Cost(&leaf, source, &same, (Plane::default(), 20.0, 15.0)))
+        Arch::new().dispatch(Cost(&leaf, source, &same, in_middle(Plane::default())))
     };
     let same_leaf = seen_in(&leaf);
     assert_eq!(

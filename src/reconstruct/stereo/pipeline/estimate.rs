@@ -63,14 +63,19 @@ pub fn estimate_depths(
     options: &StereoOptions,
     progress: &Progress,
 ) -> Result<BTreeMap<usize, ViewOutcome>, StereoError> {
-    let coarsest = (options.max_side, options.patchmatch.coarsest_px);
-    let mut images = Images::new(request.frames, store, coarsest, options.image_budget_bytes);
+    let mut images = Images::new(
+        request.frames,
+        store,
+        options.max_side,
+        options.patchmatch.coarsest_px,
+        options.image_budget_bytes,
+    );
     progress.stage("choose views")?;
     let Planned {
         views,
         mut outcomes,
     } = plan(request, &mut images, &options.select, progress)?;
-    let work = Work::new((request, views), depths, options, progress)?;
+    let work = Work::new(request, views, depths, options, progress)?;
     let mut make = |name: &str, stage: Stage| {
         progress.stage(name)?;
         work.make(stage, &mut images)
@@ -152,7 +157,8 @@ impl<'a> Work<'a> {
     /// # Errors
     /// Those of the depth store, [`StereoError::Stopped`].
     pub fn new(
-        (request, views): (&'a StereoRequest<'a>, Vec<PlannedView>),
+        request: &'a StereoRequest<'a>,
+        views: Vec<PlannedView>,
         depths: &'a dyn DepthStore,
         options: &'a StereoOptions,
         progress: &'a Progress,

@@ -197,7 +197,8 @@ impl<'a> Images<'a> {
     pub fn new(
         frames: &'a [Frame],
         store: &'a FrameStore,
-        (max_side, coarsest_px): (u32, u32),
+        max_side: u32,
+        coarsest_px: u32,
         budget_bytes: usize,
     ) -> Self {
         Self {

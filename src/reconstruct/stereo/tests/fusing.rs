@@ -4,8 +4,8 @@ use glam::{DVec2, DVec3, Vec3};
 
 use super::wall::{SIZE, camera, frame, grey, pose, seen};
 use crate::stereo::{
-    DenseCloud, DepthEstimate, DepthStore, FusionOptions, InMemoryDepthStore, Stage, StereoError,
-    fuse_depths,
+    DenseCloud, DepthEstimate, DepthStore, FusionOptions, FusionRequest, InMemoryDepthStore, Stage,
+    StereoError, fuse_depths,
 };
 use ostra_core::job::Progress;
 use ostra_frames::FrameStore;
@@ -50,10 +50,14 @@ fn fused_without(
     }
     let neighbours = BTreeMap::from([(0, vec![1]), (1, vec![0])]);
     let store = FrameStore::new(1 << 20);
+    let request = FusionRequest {
+        frames: &frames,
+        neighbours: &neighbours,
+        max_side: 160,
+    };
     fuse_depths(
-        &frames,
-        &neighbours,
-        (&store, 160),
+        &request,
+        &store,
         &depths,
         &FusionOptions::default(),
         &Progress::default(),

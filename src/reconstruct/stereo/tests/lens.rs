@@ -5,8 +5,8 @@ use glam::DVec2;
 
 use super::wall::{BORDER, SIZE, camera, frame, paint, painted, pose, seen_by, sparse};
 use crate::stereo::{
-    DepthStore, Engine, FusionOptions, InMemoryDepthStore, Stage, StereoOptions, StereoRequest,
-    estimate_depths, fuse_depths, raster_camera, raster_image,
+    DepthStore, Engine, FusionOptions, FusionRequest, InMemoryDepthStore, Stage, StereoOptions,
+    StereoRequest, estimate_depths, fuse_depths, raster_camera, raster_image,
 };
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameCamera, FrameStore};
@@ -87,15 +87,12 @@ fn depth_is_right_through_a_lens_with_distortion() {
         // Points lie on the wall, and where the pixels of the original images see it.
         let neighbours = BTreeMap::from([(0, vec![1, 2]), (1, vec![0, 2]), (2, vec![0, 1])]);
         let (options, progress) = (FusionOptions::default(), Progress::default());
-        let (cloud, _) = fuse_depths(
-            &frames,
-            &neighbours,
-            (&store, SIZE.0),
-            &depths,
-            &options,
-            &progress,
-        )
-        .unwrap();
+        let request = FusionRequest {
+            frames: &frames,
+            neighbours: &neighbours,
+            max_side: SIZE.0,
+        };
+        let (cloud, _) = fuse_depths(&request, &store, &depths, &options, &progress).unwrap();
         let is_near = |point: usize| {
             cloud.contributors(point).iter().all(|&by| {
                 let Some((x, y)) = cloud.frame_pixel(by) else {

@@ -1,6 +1,6 @@
 use super::wall::{frame, grey, pose, seen};
 use crate::sfm::{Sift, matching::NearestMatcher};
-use crate::stereo::{SparseOptions, sparse_from_cameras};
+use crate::stereo::{SparseOptions, SparseRequest, sparse_from_cameras};
 use ostra_core::job::Progress;
 use ostra_frames::FrameStore;
 
@@ -16,23 +16,19 @@ fn sparse_points_do_not_depend_on_threads() {
         Sift::default(),
         NearestMatcher::for_bytes(),
     );
+    let request = SparseRequest {
+        frames: &frames,
+        views: &[0, 1, 2, 3],
+        extractor: &extractor,
+        matcher: &matcher,
+    };
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()
             .unwrap();
         let (options, progress) = (SparseOptions::default(), Progress::default());
-        pool.install(|| {
-            sparse_from_cameras(
-                &frames,
-                &[0, 1, 2, 3],
-                &store,
-                (&extractor, &matcher),
-                &options,
-                &progress,
-            )
-            .unwrap()
-        })
+        pool.install(|| sparse_from_cameras(&request, &store, &options, &progress).unwrap())
     };
     let (one, three) = (with(1), with(3));
     assert!(one == three);

@@ -1,7 +1,7 @@
 use glam::DVec2;
 
 use super::super::heat::{Heat, Sampled};
-use super::super::keypoints::Prepared;
+use super::super::keypoints::{ImageSize, Prepared};
 
 /// Returns logits of cells (columns · rows) whose softmax falls off like a Gaussian around a
 /// position; nothing elsewhere.
@@ -63,9 +63,18 @@ fn values_between_cells_are_interpolated() {
 #[test]
 fn image_is_shrunk_and_its_edges_repeated() {
     let slope: Vec<f32> = (0..100 * 50).map(|at| (at % 100) as f32 / 100.0).collect();
-    let kept = Prepared::new(&slope, (100, 50), 100, 32);
+    let size = ImageSize {
+        width: 100,
+        height: 50,
+    };
+    let kept = Prepared::new(&slope, size, 100, 32);
     assert_eq!(
-        (kept.width, kept.height, kept.shown_width, kept.shown_height),
+        (
+            kept.width,
+            kept.height,
+            kept.unpadded.width,
+            kept.unpadded.height
+        ),
         (128, 64, 100, 50)
     );
     assert_eq!(
@@ -73,9 +82,14 @@ fn image_is_shrunk_and_its_edges_repeated() {
         (0.07, 0.99)
     );
     assert_eq!(kept.original_from_here, DVec2::ONE);
-    let half = Prepared::new(&slope, (100, 50), 50, 32);
+    let half = Prepared::new(&slope, size, 50, 32);
     assert_eq!(
-        (half.width, half.height, half.shown_width, half.shown_height),
+        (
+            half.width,
+            half.height,
+            half.unpadded.width,
+            half.unpadded.height
+        ),
         (64, 32, 50, 25)
     );
     assert_eq!(half.original_from_here, DVec2::splat(2.0));
