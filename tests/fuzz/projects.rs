@@ -245,13 +245,8 @@ fn votes() {
     });
 }
 
-/// Fuzzes the steps of a recipe that only change the open project.
-#[test]
-#[expect(
-    clippy::too_many_lines,
-    reason = "under 80 lines before rustfmt's defaults; to be split"
-)]
-fn recipes() {
+/// Returns commands that only change the open project.
+fn recipe_commands() -> Vec<Command> {
     let prompt = Prompt {
         clicks: vec![Click {
             at_px: DVec2::splat(5.0),
@@ -265,7 +260,7 @@ fn recipes() {
         points_px: vec![DVec2::new(1.0, 1.0), DVec2::new(12.0, 9.0)],
         replace: false,
     };
-    let commands = vec![
+    vec![
         Command::AddLabel {
             name: "a".into(),
             parent: None,
@@ -294,10 +289,31 @@ fn recipes() {
         }),
         Command::Undo,
         Command::Redo,
-    ];
+    ]
+}
+
+/// Returns whether a command only changes the open project.
+fn stays_inside(command: &Command) -> bool {
+    use Command as C;
+    matches!(
+        command,
+        C::AddLabel { .. }
+            | C::Paint(_)
+            | C::Prompt(_)
+            | C::Clean(_)
+            | C::Trace(_)
+            | C::Undo
+            | C::Redo
+            | C::Range(_)
+    )
+}
+
+/// Fuzzes the steps of a recipe that only change the open project.
+#[test]
+fn recipes() {
     let text = serde_json::to_vec_pretty(&Recipe {
         format: 1,
-        commands,
+        commands: recipe_commands(),
     })
     .unwrap();
     let files = sample();
@@ -314,19 +330,7 @@ fn recipes() {
             session.act(Command::Open(folder.join("project"))).unwrap();
             settle(&mut session);
             for command in recipe.commands {
-                use Command as C;
-                let stays_inside = matches!(
-                    command,
-                    C::AddLabel { .. }
-                        | C::Paint(_)
-                        | C::Prompt(_)
-                        | C::Clean(_)
-                        | C::Trace(_)
-                        | C::Undo
-                        | C::Redo
-                        | C::Range(_)
-                );
-                if stays_inside {
+                if stays_inside(&command) {
                     let _ = session.act(command);
                     settle(&mut session);
                 }

@@ -1,6 +1,6 @@
 //! Tests of the program as a process: the behaviour that scripts depend on.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use image::{GrayImage, ImageBuffer, Luma};
 use ostra_cloud::ply::{Coloring, read_ply, save_ply};
@@ -304,82 +304,115 @@ fn write_mask(folder: &str, frame: u32, thing: std::ops::Range<u32>, wall: std::
     mask.save(format!("{folder}/{frame}.png")).unwrap();
 }
 
-#[test]
-#[expect(
-    clippy::too_many_lines,
-    reason = "under 80 lines before rustfmt's defaults; to be split"
-)]
-fn one_label_is_tracked_again_and_the_others_stay() {
-    let recording = Recording::new();
-    let project = recording.project();
-    done(&["label", &project, "thing"]);
-    done(&["label", &project, "wall"]);
-    let import = |name: &str, frame, thing, wall| {
-        let folder = recording.path(name);
+/// A project with masks of the labels `thing` (1) and `wall` (2).
+struct TwoLabels {
+    recording: Recording,
+    project: String,
+}
+
+impl TwoLabels {
+    fn new() -> Self {
+        let recording = Recording::new();
+        let project = recording.project();
+        done(&["label", &project, "thing"]);
+        done(&["label", &project, "wall"]);
+        Self { recording, project }
+    }
+
+    /// Imports a mask as written by [`write_mask`].
+    fn import(
+        &self,
+        name: &str,
+        frame: u32,
+        thing: std::ops::Range<u32>,
+        wall: std::ops::Range<u32>,
+    ) {
+        let folder = self.recording.path(name);
         write_mask(&folder, frame, thing, wall);
-        done(&["masks", &project, "import", &folder]);
-    };
-    let file = |k: u32| Path::new(&project).join(format!("masks/{k}.png"));
-    let bytes = || [0, 1, 2, 3].map(|k| std::fs::read(file(k)).unwrap());
-    let mask = |k| ostra_masks::read_palette_png(&file(k)).unwrap();
-    let region = |k: u32, id: u16| mask(k).region(ostra_masks::LabelId(id));
-    let state = || -> Vec<String> {
-        let info: Value = serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();
+        done(&["masks", &self.project, "import", &folder]);
+    }
+
+    fn file(&self, frame: u32) -> PathBuf {
+        Path::new(&self.project).join(format!("masks/{frame}.png"))
+    }
+
+    /// Returns the mask file of each frame.
+    fn bytes(&self) -> [Vec<u8>; 4] {
+        [0, 1, 2, 3].map(|k| std::fs::read(self.file(k)).unwrap())
+    }
+
+    fn region(&self, frame: u32, label: u16) -> ostra_masks::Region {
+        let mask = read_palette_png(&self.file(frame)).unwrap();
+        mask.region(LabelId(label))
+    }
+
+    /// Returns how `ostra info` describes the mask of each frame.
+    fn mask_states(&self) -> Vec<String> {
+        let info: Value = serde_json::from_str(&done(&["info", &self.project, "--json"])).unwrap();
         info["frames"]
             .as_array()
             .unwrap()
             .iter()
             .map(|frame| frame["mask"].as_str().unwrap().to_owned())
             .collect()
-    };
-    import("first", 1, 12..26, 36..56);
-    done(&["track", &project]);
+    }
+}
+
+#[test]
+fn one_label_is_tracked_again_and_the_others_stay() {
+    let labels = TwoLabels::new();
+    let project = &labels.project;
+    labels.import("first", 1, 12..26, 36..56);
+    done(&["track", project]);
     // The keyframe is corrected in both labels, and one of them is tracked again on one frame.
-    import("corrected", 1, 12..20, 36..42);
-    let (before, walls) = (bytes(), [0, 2, 3].map(|k| region(k, 2)));
+    labels.import("corrected", 1, 12..20, 36..42);
+    let (before, walls) = (labels.bytes(), [0, 2, 3].map(|k| labels.region(k, 2)));
     done(&[
-        "track", &project, "--label", "thing", "--from", "2", "--to", "2",
+        "track", project, "--label", "thing", "--from", "2", "--to", "2",
     ]);
-    let after = bytes();
+    let after = labels.bytes();
     assert_eq!(
         [0, 1, 3].map(|k: usize| after[k] == before[k]),
         [true; 3],
         "outside the range and on the keyframe"
     );
-    assert_eq!(state(), ["stale", "anchor", "tracked", "stale"]);
-    assert!(
-        (100..=200).contains(&region(2, 1).area()),
-        "{}",
-        region(2, 1).area()
+    assert_eq!(
+        labels.mask_states(),
+        ["stale", "anchor", "tracked", "stale"]
     );
-    assert_eq!(region(2, 2), walls[1]);
-    let areas = [region(0, 1).area(), walls[1].area()];
+    assert!(
+        (100..=200).contains(&labels.region(2, 1).area()),
+        "{}",
+        labels.region(2, 1).area()
+    );
+    assert_eq!(labels.region(2, 2), walls[1]);
+    let areas = [labels.region(0, 1).area(), walls[1].area()];
     assert!(
         areas[0] > 220 && areas[1] > 200,
         "the tracker would have made both smaller: {areas:?}"
     );
 
     // Around the keyframe: all frames.
-    done(&["track", &project, "--label", "thing", "--around", "1"]);
-    assert_eq!([0, 2, 3].map(|k| region(k, 2)), walls);
+    done(&["track", project, "--label", "thing", "--around", "1"]);
+    assert_eq!([0, 2, 3].map(|k| labels.region(k, 2)), walls);
     assert!(
         [0, 2, 3]
             .iter()
-            .all(|&k| (100..=200).contains(&region(k, 1).area()))
+            .all(|&k| (100..=200).contains(&labels.region(k, 1).area()))
     );
     assert_eq!(
-        (bytes()[1].clone(), bytes()[2].clone()),
+        (labels.bytes()[1].clone(), labels.bytes()[2].clone()),
         (after[1].clone(), after[2].clone()),
         "the same answer"
     );
 
     // The thing takes pixels from the wall only on request.
-    import("over", 1, 12..48, 0..0);
-    done(&["track", &project, "--label", "thing", "--around", "1"]);
-    assert_eq!([0, 2, 3].map(|k| region(k, 2)), walls);
+    labels.import("over", 1, 12..48, 0..0);
+    done(&["track", project, "--label", "thing", "--around", "1"]);
+    assert_eq!([0, 2, 3].map(|k| labels.region(k, 2)), walls);
     done(&[
         "track",
-        &project,
+        project,
         "--label",
         "thing",
         "--around",
@@ -389,26 +422,34 @@ fn one_label_is_tracked_again_and_the_others_stay() {
     assert!(
         [0, 2, 3]
             .iter()
-            .all(|&k| region(k, 2).area() <= walls[0].area() / 2 && region(k, 1).area() > 550)
+            .all(|&k| labels.region(k, 2).area() <= walls[0].area() / 2
+                && labels.region(k, 1).area() > 550)
     );
+}
 
-    let before = contents(Path::new(&project));
-    assert!(refused(&["track", &project, "--label", "sky"]).contains("'sky'"));
+#[test]
+fn one_label_is_tracked_only_from_a_keyframe_and_with_its_options() {
+    let labels = TwoLabels::new();
+    let project = &labels.project;
+    labels.import("first", 1, 12..26, 36..56);
+    done(&["track", project]);
+    let before = contents(Path::new(project));
+    assert!(refused(&["track", project, "--label", "sky"]).contains("'sky'"));
     assert!(
-        refused(&["track", &project, "--label", "thing", "--around", "2"])
+        refused(&["track", project, "--label", "thing", "--around", "2"])
             .contains("frame 2 is not a keyframe")
     );
     assert_eq!(
-        ostra(&["track", &project, "--around", "1", "--from", "0"])
+        ostra(&["track", project, "--around", "1", "--from", "0"])
             .status
             .code(),
         Some(2)
     );
     assert_eq!(
-        ostra(&["track", &project, "--replace"]).status.code(),
+        ostra(&["track", project, "--replace"]).status.code(),
         Some(2)
     );
-    assert_eq!(contents(Path::new(&project)), before);
+    assert_eq!(contents(Path::new(project)), before);
 }
 
 #[test]

@@ -160,64 +160,103 @@ fn scannet() {
     );
 }
 
+/// A recording whose depth comes from a camera of its own.
+struct DepthCameraRecording {
+    root: tempfile::TempDir,
+    /// Folder of the images.
+    color: String,
+    /// Folder of the depth images.
+    depths: String,
+    /// File with the intrinsics of the image camera.
+    of_color: String,
+    /// File with the intrinsics of the depth camera.
+    of_depth: String,
+    /// File with the pose of the depth camera.
+    aside: String,
+}
+
+impl DepthCameraRecording {
+    fn new() -> Self {
+        let root = tempfile::tempdir().unwrap();
+        let path = |name: &str| root.path().join(name);
+        std::fs::create_dir_all(path("color")).unwrap();
+        std::fs::create_dir_all(path("depth")).unwrap();
+        RgbImage::from_pixel(128, 96, Rgb([90, 120, 60]))
+            .save(path("color/0.png"))
+            .unwrap();
+        // A board in front of a wall.
+        let is_board = |x: u32, y: u32| (24..40).contains(&x) && (16..32).contains(&y);
+        let depth = |x, y| Luma([if is_board(x, y) { 1500 } else { 3000 }]);
+        ImageBuffer::<Luma<u16>, Vec<u16>>::from_fn(64, 48, depth)
+            .save(path("depth/0.png"))
+            .unwrap();
+        let matrix = |focal, x, y| format!("{focal} 0 {x} 0\n0 {focal} {y} 0\n0 0 1 0\n0 0 0 1\n");
+        let of_color = write(
+            &path("intrinsic/intrinsic_color.txt"),
+            &matrix(120, 63.5, 47.5),
+        );
+        let of_depth = write(
+            &path("intrinsic/intrinsic_depth.txt"),
+            &matrix(60, 31.5, 23.5),
+        );
+        let aside = write(
+            &path("depth_to_color.txt"),
+            "1 0 0 0.05\n0 1 0 0\n0 0 1 0\n0 0 0 1\n",
+        );
+        let (color, depths) = (
+            path("color").display().to_string(),
+            path("depth").display().to_string(),
+        );
+        Self {
+            root,
+            color,
+            depths,
+            of_color,
+            of_depth,
+            aside,
+        }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.root.path().join(name)
+    }
+
+    /// Returns the options that give the depth and both cameras.
+    fn options(&self) -> [&str; 8] {
+        [
+            "--depth",
+            &self.depths,
+            "--intrinsics",
+            &self.of_color,
+            "--depth-intrinsics",
+            &self.of_depth,
+            "--depth-pose",
+            &self.aside,
+        ]
+    }
+
+    /// Writes the image of a sensor that lay on its side; returns its folder.
+    fn write_turned_image(&self) -> String {
+        std::fs::create_dir_all(self.path("aside")).unwrap();
+        let mut encoder = JpegEncoder::new(File::create(self.path("aside/0.jpg")).unwrap());
+        encoder.set_exif_metadata(exif(6)).unwrap();
+        RgbImage::from_pixel(128, 96, Rgb([90, 120, 60]))
+            .write_with_encoder(encoder)
+            .unwrap();
+        self.path("aside").display().to_string()
+    }
+}
+
 /// Checks depth from a separate camera, as ScanNet and RealSense record it before alignment.
 #[test]
-#[expect(
-    clippy::too_many_lines,
-    reason = "under 80 lines before rustfmt's defaults; to be split"
-)]
 fn depths_of_a_camera_of_their_own() {
-    let root = tempfile::tempdir().unwrap();
-    let path = |name: &str| root.path().join(name);
-    std::fs::create_dir_all(path("color")).unwrap();
-    std::fs::create_dir_all(path("depth")).unwrap();
-    RgbImage::from_pixel(128, 96, Rgb([90, 120, 60]))
-        .save(path("color/0.png"))
-        .unwrap();
-    // A board in front of a wall.
-    let is_board = |x: u32, y: u32| (24..40).contains(&x) && (16..32).contains(&y);
-    let depth = |x, y| Luma([if is_board(x, y) { 1500 } else { 3000 }]);
-    ImageBuffer::<Luma<u16>, Vec<u16>>::from_fn(64, 48, depth)
-        .save(path("depth/0.png"))
-        .unwrap();
-    let matrix = |focal, x, y| format!("{focal} 0 {x} 0\n0 {focal} {y} 0\n0 0 1 0\n0 0 0 1\n");
-    let of_color = write(
-        &path("intrinsic/intrinsic_color.txt"),
-        &matrix(120, 63.5, 47.5),
-    );
-    let of_depth = write(
-        &path("intrinsic/intrinsic_depth.txt"),
-        &matrix(60, 31.5, 23.5),
-    );
-    let aside = write(
-        &path("depth_to_color.txt"),
-        "1 0 0 0.05\n0 1 0 0\n0 0 1 0\n0 0 0 1\n",
-    );
-    let (color, depths) = (
-        path("color").display().to_string(),
-        path("depth").display().to_string(),
-    );
-    let requested = [
-        "--depth",
-        &depths,
-        "--intrinsics",
-        &of_color,
-        "--depth-intrinsics",
-        &of_depth,
-        "--depth-pose",
-        &aside,
-    ];
-    let project = Project::new(&path("color"), &requested);
+    let recording = DepthCameraRecording::new();
+    let requested = recording.options();
+    let project = Project::new(&recording.path("color"), &requested);
 
     // The sensor lay on its side: the stored image is shown rotated by a quarter turn to the right,
     // and so is its depth.
-    std::fs::create_dir_all(path("aside")).unwrap();
-    let mut encoder = JpegEncoder::new(File::create(path("aside/0.jpg")).unwrap());
-    encoder.set_exif_metadata(exif(6)).unwrap();
-    RgbImage::from_pixel(128, 96, Rgb([90, 120, 60]))
-        .write_with_encoder(encoder)
-        .unwrap();
-    let turned = path("aside").display().to_string();
+    let turned = recording.write_turned_image();
     project.done(
         &[
             &["add", &project.root(), "--frames", &turned][..],
@@ -256,22 +295,33 @@ fn depths_of_a_camera_of_their_own() {
             turned.at(47, x)
         );
     }
+}
 
-    let place = path("refused").display().to_string();
+#[test]
+fn depth_camera_without_its_other_options_is_refused() {
+    let recording = DepthCameraRecording::new();
+    let DepthCameraRecording {
+        color,
+        depths,
+        of_color,
+        of_depth,
+        ..
+    } = &recording;
+    let place = recording.path("refused").display().to_string();
     let refused = |more: &[&str]| {
-        let refused = ostra(&[&["new", &place, "--frames", &color][..], more].concat());
+        let refused = ostra(&[&["new", &place, "--frames", color][..], more].concat());
         assert_eq!(refused.status.code(), Some(1));
         String::from_utf8_lossy(&refused.stderr).into_owned()
     };
-    assert!(refused(&requested[..4]).contains("--depth-intrinsics"));
+    assert!(refused(&recording.options()[..4]).contains("--depth-intrinsics"));
     assert!(
-        refused(&["--depth", &depths, "--depth-intrinsics", &of_depth])
+        refused(&["--depth", depths, "--depth-intrinsics", of_depth])
             .contains("--intrinsics, or --cameras")
     );
     assert!(
-        refused(&["--intrinsics", &of_color, "--depth-intrinsics", &of_depth]).contains("--depth)")
+        refused(&["--intrinsics", of_color, "--depth-intrinsics", of_depth]).contains("--depth)")
     );
-    assert!(!path("refused").exists());
+    assert!(!recording.path("refused").exists());
 }
 
 #[test]

@@ -71,43 +71,37 @@ fn temporary_files(folder: &Path) -> Vec<String> {
         .collect()
 }
 
+/// Returns commands that read or change a project; the first and the last take longest.
 #[cfg(unix)]
-#[test]
-#[expect(
-    clippy::too_many_lines,
-    reason = "under 80 lines before rustfmt's defaults; to be split"
-)]
-fn interrupted_command_ends_and_leaves_only_complete_files() {
-    let recording = Recording::new();
-    let project = fused(&recording);
-    let (cloud, masks) = (recording.path("truth.ply"), recording.path("truth-masks"));
-    done(&["export", &project, "--cloud", &cloud, "--masks", &masks]);
-    let scratch = recording.path("scratch");
-    std::fs::create_dir(&scratch).unwrap();
-    let commands: [&[&str]; 13] = [
-        &["shot", &project, "a.png", "--size", "8192x8192"],
-        &[
+fn interrupted_commands<'a>(
+    project: &'a str,
+    cloud: &'a str,
+    masks: &'a str,
+) -> [Vec<&'a str>; 13] {
+    [
+        vec!["shot", project, "a.png", "--size", "8192x8192"],
+        vec![
             "shot",
-            &project,
+            project,
             "b.png",
             "--model",
             "voxels",
             "--size",
             "4096x4096",
         ],
-        &[
+        vec![
             "shot",
-            &project,
+            project,
             "c.png",
             "--model",
             "mesh",
             "--size",
             "4096x4096",
         ],
-        &["export", &project, "--voxels", "v.npz", "--solid"],
-        &[
+        vec!["export", project, "--voxels", "v.npz", "--solid"],
+        vec![
             "export",
-            &project,
+            project,
             "--cloud",
             "d.ply",
             "--mesh",
@@ -117,16 +111,16 @@ fn interrupted_command_ends_and_leaves_only_complete_files() {
             "--undistorted",
             "flat",
         ],
-        &["export", &project, "--traits", "t.csv"],
-        &[
-            "eval", "cloud", "--truth", &cloud, "--result", &cloud, "--within", "0.01",
+        vec!["export", project, "--traits", "t.csv"],
+        vec![
+            "eval", "cloud", "--truth", cloud, "--result", cloud, "--within", "0.01",
         ],
-        &["eval", "masks", "--truth", &masks, "--result", &masks],
-        &["masks", &project, "import", &masks],
-        &["fuse", &project, "--voxel", "0.003"],
-        &["doubt", &project],
-        &["info", &project],
-        &[
+        vec!["eval", "masks", "--truth", masks, "--result", masks],
+        vec!["masks", project, "import", masks],
+        vec!["fuse", project, "--voxel", "0.003"],
+        vec!["doubt", project],
+        vec!["info", project],
+        vec![
             "demo",
             "demo",
             "--headless",
@@ -135,29 +129,49 @@ fn interrupted_command_ends_and_leaves_only_complete_files() {
             "--size",
             "96x128",
         ],
-    ];
+    ]
+}
+
+/// Interrupts a command after some milliseconds; returns whether that stopped it.
+#[cfg(unix)]
+fn is_stopped_after(command: &[&str], folder: &Path, moment: u64) -> bool {
+    let mut child = start(command, folder);
+    pause(moment);
+    interrupt(&child);
+    let mut text = String::new();
+    child
+        .stderr
+        .take()
+        .unwrap()
+        .read_to_string(&mut text)
+        .unwrap();
+    let status = child.wait().unwrap();
+    assert!(
+        is_stopped_or_done(status),
+        "{command:?} after {moment} ms: {status:?} {text}"
+    );
+    let stopped = status.code() == Some(130);
+    assert!(
+        !stopped || text.contains("ostra: stopped"),
+        "{command:?}: {text}"
+    );
+    stopped
+}
+
+#[cfg(unix)]
+#[test]
+fn interrupted_command_ends_and_leaves_only_complete_files() {
+    let recording = Recording::new();
+    let project = fused(&recording);
+    let (cloud, masks) = (recording.path("truth.ply"), recording.path("truth-masks"));
+    done(&["export", &project, "--cloud", &cloud, "--masks", &masks]);
+    let scratch = recording.path("scratch");
+    std::fs::create_dir(&scratch).unwrap();
+    let commands = interrupted_commands(&project, &cloud, &masks);
     for (number, command) in commands.into_iter().enumerate() {
         let mut stopped = 0;
         for moment in [0, 60, 250] {
-            let mut child = start(command, Path::new(&scratch));
-            pause(moment);
-            interrupt(&child);
-            let mut text = String::new();
-            child
-                .stderr
-                .take()
-                .unwrap()
-                .read_to_string(&mut text)
-                .unwrap();
-            let status = child.wait().unwrap();
-            assert!(
-                is_stopped_or_done(status),
-                "{command:?} after {moment} ms: {status:?} {text}"
-            );
-            if status.code() == Some(130) {
-                assert!(text.contains("ostra: stopped"), "{command:?}: {text}");
-                stopped += 1;
-            }
+            stopped += usize::from(is_stopped_after(&command, Path::new(&scratch), moment));
             done(&["info", &project]);
         }
         // The largest image and the whole demo take longer than the last moment.

@@ -751,17 +751,66 @@ fn votes_of_another_cloud_are_refused_until_the_next_fusion() {
     assert_eq!(warned(&["doubt", &copy.project]).1, "");
 }
 
+/// A kind of damage to a file.
+#[cfg(unix)]
+struct Spoil {
+    kind: &'static str,
+    /// Damages the file at the first path; the second is a file outside the project.
+    apply: fn(&Path, &Path),
+}
+
+#[cfg(unix)]
+impl Spoil {
+    fn new(kind: &'static str, apply: fn(&Path, &Path)) -> Self {
+        Self { kind, apply }
+    }
+}
+
+#[cfg(unix)]
+fn spoils() -> [Spoil; 6] {
+    use std::os::unix::fs::symlink;
+    [
+        Spoil::new("flip", |path, _| {
+            let mut bytes = fs::read(path).unwrap();
+            let at = bytes.len() / 2;
+            bytes.get_mut(at).into_iter().for_each(|byte| *byte ^= 0x80);
+            fs::write(path, bytes).unwrap();
+        }),
+        Spoil::new("truncate", |path, _| {
+            fs::write(
+                path,
+                &fs::read(path).unwrap()[..fs::metadata(path).unwrap().len() as usize / 2],
+            )
+            .unwrap();
+        }),
+        Spoil::new("folder", |path, _| {
+            fs::remove_file(path).unwrap();
+            fs::create_dir(path).unwrap();
+        }),
+        Spoil::new("pipe", |path, _| {
+            fs::remove_file(path).unwrap();
+            assert!(
+                std::process::Command::new("mkfifo")
+                    .arg(path)
+                    .status()
+                    .unwrap()
+                    .success()
+            );
+        }),
+        Spoil::new("link", |path, theirs| {
+            fs::remove_file(path).unwrap();
+            symlink(theirs, path).unwrap();
+        }),
+        Spoil::new("missing", |path, _| fs::remove_file(path).unwrap()),
+    ]
+}
+
 /// Damages every file of a project in every way, then views and changes the project.
 ///
 /// Each command must end, change nothing outside, and report what is missing.
 #[test]
 #[cfg(unix)]
-#[expect(
-    clippy::too_many_lines,
-    reason = "under 80 lines before rustfmt's defaults; to be split"
-)]
 fn damage_to_any_file_is_never_silent() {
-    use std::os::unix::fs::symlink;
     let whole = done(&["info", &finished().1, "--json"]);
     let root = Path::new(&finished().1);
     let files: Vec<String> = contents(root)
@@ -775,90 +824,63 @@ fn damage_to_any_file_is_never_silent() {
         })
         .filter(|name| !name.starts_with("depths"))
         .collect();
-    type Spoil = fn(&Path, &Path);
-    let spoils: [(&str, Spoil); 6] = [
-        ("flip", |path, _| {
-            let mut bytes = fs::read(path).unwrap();
-            let at = bytes.len() / 2;
-            bytes.get_mut(at).into_iter().for_each(|byte| *byte ^= 0x80);
-            fs::write(path, bytes).unwrap();
-        }),
-        ("truncate", |path, _| {
-            fs::write(
-                path,
-                &fs::read(path).unwrap()[..fs::metadata(path).unwrap().len() as usize / 2],
-            )
-            .unwrap();
-        }),
-        ("folder", |path, _| {
-            fs::remove_file(path).unwrap();
-            fs::create_dir(path).unwrap();
-        }),
-        ("pipe", |path, _| {
-            fs::remove_file(path).unwrap();
-            assert!(
-                std::process::Command::new("mkfifo")
-                    .arg(path)
-                    .status()
-                    .unwrap()
-                    .success()
-            );
-        }),
-        ("link", |path, theirs| {
-            fs::remove_file(path).unwrap();
-            symlink(theirs, path).unwrap();
-        }),
-        ("missing", |path, _| fs::remove_file(path).unwrap()),
-    ];
     for name in &files {
         // Results are read on request; there, two kinds of damage stand for all.
         let is_result =
             name.starts_with("versions") || name.ends_with(".ply") || name.ends_with(".bin");
-        for (kind, spoil) in spoils
+        for spoil in spoils()
             .into_iter()
-            .filter(|(kind, _)| !is_result || matches!(*kind, "flip" | "pipe"))
+            .filter(|spoil| !is_result || matches!(spoil.kind, "flip" | "pipe"))
         {
-            let case = format!("{name}: {kind}");
-            let copy = Copy::new();
-            spoil(&copy.file(name), &copy.theirs("notes"));
-            let damaged = fs::symlink_metadata(copy.file(name))
-                .ok()
-                .filter(fs::Metadata::is_file)
-                .map(|_| fs::read(copy.file(name)).unwrap());
-            let info = ostra(&["info", &copy.project, "--json"]);
-            let (code, text) = (info.status.code(), stderr(&info));
-            assert!(
-                matches!(code, Some(0 | 1)) && !text.contains("panicked"),
-                "{case}: {text}"
-            );
-            assert!(
-                info.stdout == whole.as_bytes() || !text.trim().is_empty(),
-                "{case}: it is lost silently"
-            );
-            let label = ostra(&["label", &copy.project, "mine"]);
-            let text = stderr(&label);
-            assert!(
-                matches!(label.status.code(), Some(0 | 1)) && !text.contains("panicked"),
-                "{case}: {text}"
-            );
-            copy.assert_theirs_untouched(&case);
-            let is_kept = |damaged: Vec<u8>| {
-                let bytes = |path: &Path| fs::read(path).unwrap();
-                let mut all = Vec::new();
-                files_below(Path::new(&copy.project), &mut all);
-                all.iter().any(|path| bytes(path).starts_with(&damaged))
-            };
-            // An incomplete line is not a step, and results under fixed names are copies: both may
-            // go.
-            let is_copy = !name.contains('/') && !name.ends_with(".jsonl");
-            let kept =
-                damaged.is_none_or(|damaged| kind == "truncate" || is_copy || is_kept(damaged));
-            assert!(
-                kept || name.starts_with("sparse"),
-                "{case}: the damaged file is gone"
-            );
+            check_spoilt(name, &spoil, &whole);
         }
     }
+}
+
+/// Damages one file of a project, then views and changes the project.
+///
+/// `whole` is what `ostra info` prints of the undamaged project.
+#[cfg(unix)]
+fn check_spoilt(name: &str, spoil: &Spoil, whole: &str) {
+    let case = format!("{name}: {}", spoil.kind);
+    let copy = Copy::new();
+    (spoil.apply)(&copy.file(name), &copy.theirs("notes"));
+    let damaged = fs::symlink_metadata(copy.file(name))
+        .ok()
+        .filter(fs::Metadata::is_file)
+        .map(|_| fs::read(copy.file(name)).unwrap());
+    let info = ostra(&["info", &copy.project, "--json"]);
+    let (code, text) = (info.status.code(), stderr(&info));
+    assert!(
+        matches!(code, Some(0 | 1)) && !text.contains("panicked"),
+        "{case}: {text}"
+    );
+    assert!(
+        info.stdout == whole.as_bytes() || !text.trim().is_empty(),
+        "{case}: it is lost silently"
+    );
+    let label = ostra(&["label", &copy.project, "mine"]);
+    let text = stderr(&label);
+    assert!(
+        matches!(label.status.code(), Some(0 | 1)) && !text.contains("panicked"),
+        "{case}: {text}"
+    );
+    copy.assert_theirs_untouched(&case);
+    let is_kept = |damaged: Vec<u8>| {
+        let bytes = |path: &Path| fs::read(path).unwrap();
+        let mut all = Vec::new();
+        files_below(Path::new(&copy.project), &mut all);
+        all.iter().any(|path| bytes(path).starts_with(&damaged))
+    };
+    // An incomplete line is not a step, and results under fixed names are copies: both may
+    // go.
+    let is_copy = !name.contains('/') && !name.ends_with(".jsonl");
+    let kept =
+        damaged.is_none_or(|damaged| spoil.kind == "truncate" || is_copy || is_kept(damaged));
+    assert!(
+        kept || name.starts_with("sparse"),
+        "{case}: the damaged file is gone"
+    );
 }
 
 /// Appends the regular files below a folder to `all`.

@@ -3,11 +3,8 @@
 use super::*;
 
 #[test]
-#[expect(
-    clippy::too_many_lines,
-    reason = "under 80 lines before rustfmt's defaults; to be split"
-)]
-fn close_up_covers_only_its_part() {
+#[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
+fn close_up_lies_around_its_prompt() {
     let sam = flat();
     let prompt = Prompt {
         clicks: vec![IN_RED],
@@ -24,12 +21,40 @@ fn close_up_covers_only_its_part() {
             height: 128
         }
     );
+    let far = PxBox {
+        min_px: DVec2::ZERO,
+        max_px: DVec2::new(250.0, 20.0),
+    };
+    assert_eq!(
+        Part::around(
+            &Prompt {
+                boxes: vec![far],
+                ..Prompt::default()
+            },
+            WIDTH,
+            HEIGHT,
+            256
+        ),
+        None
+    );
+    assert_eq!(Part::around(&Prompt::default(), WIDTH, HEIGHT, 256), None);
+}
+
+/// Returns the close-up of the 128 × 128 pixels from 16, 16.
+fn close_up() -> SamFrame {
     let part = Part {
         x: 16,
         y: 16,
-        ..part
+        width: 128,
+        height: 128,
     };
-    let close = frame(&sam, part);
+    frame(&flat(), part)
+}
+
+#[test]
+#[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
+fn close_up_covers_only_its_part() {
+    let close = close_up();
     let found = answer(&close, &[IN_RED], &[], None);
     assert!(
         found.iou(&thing(RED)) > 0.96,
@@ -68,6 +93,12 @@ fn close_up_covers_only_its_part() {
         "the answer to a box covers only what is visible: {}",
         box_beyond.iou(&thing(RED))
     );
+}
+
+#[test]
+#[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
+fn painted_strip_outside_the_close_up_stays() {
+    let close = close_up();
     // A painted strip that begins outside the part: refining it inside leaves the rest unchanged.
     let strip = thing([0, 60, 80, 70]);
     let refined = answer(&close, &[click(50.5, 40.5, true)], &[], Some(&strip));
@@ -78,23 +109,6 @@ fn close_up_covers_only_its_part() {
         "{}",
         refined.iou(&expected)
     );
-    let far = PxBox {
-        min_px: DVec2::ZERO,
-        max_px: DVec2::new(250.0, 20.0),
-    };
-    assert_eq!(
-        Part::around(
-            &Prompt {
-                boxes: vec![far],
-                ..Prompt::default()
-            },
-            WIDTH,
-            HEIGHT,
-            256
-        ),
-        None
-    );
-    assert_eq!(Part::around(&Prompt::default(), WIDTH, HEIGHT, 256), None);
 }
 
 #[test]
