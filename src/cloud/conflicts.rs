@@ -50,7 +50,7 @@ pub fn frame_conflict(
     frame: usize,
     mask: &LabelMask,
 ) -> FrameConflict {
-    let observed = ObservedLabels::new(votes, labels, frame, (mask.width, mask.height));
+    let observed = ObservedLabels::new(votes, labels, frame, mask.width, mask.height);
     let mut conflict = FrameConflict::default();
     for (at, (&voted, &own)) in observed.labels.iter().zip(&mask.ids).enumerate() {
         let Some(voted) = voted.filter(|&voted| voted != LabelId::NONE || own != LabelId::NONE)
@@ -104,7 +104,7 @@ impl ObservedLabels {
     /// Collects the sightings recorded in the votes.
     ///
     /// If several points are seen in one pixel, the first one counts.
-    fn new(votes: &Votes, labels: &[LabelId], frame: usize, (width, height): (u32, u32)) -> Self {
+    fn new(votes: &Votes, labels: &[LabelId], frame: usize, width: u32, height: u32) -> Self {
         let mut observed = Self {
             width,
             height,
@@ -120,7 +120,7 @@ impl ObservedLabels {
 
     /// Returns whether a pixel within `radius` columns and rows sees this label.
     pub fn has_near(&self, at: usize, radius: u32, label: LabelId) -> bool {
-        near(at, radius, (self.width, self.height)).any(|at| self.labels[at] == Some(label))
+        near(at, radius, self.width, self.height).any(|at| self.labels[at] == Some(label))
     }
 
     /// Returns the label seen by the nearest pixel within `radius` columns and rows.
@@ -138,8 +138,8 @@ impl ObservedLabels {
             );
             dx * dx + dy * dy
         };
-        let seen = near(at, radius, (self.width, self.height))
-            .filter(|&other| self.labels[other].is_some());
+        let seen =
+            near(at, radius, self.width, self.height).filter(|&other| self.labels[other].is_some());
         seen.min_by_key(|&other| squared(other))
             .and_then(|other| self.labels[other])
     }
@@ -147,11 +147,11 @@ impl ObservedLabels {
 
 /// Returns whether a pixel of a mask within `radius` columns and rows has this label.
 pub fn mask_has_near(mask: &LabelMask, at: usize, radius: u32, label: LabelId) -> bool {
-    near(at, radius, (mask.width, mask.height)).any(|at| mask.ids[at] == label)
+    near(at, radius, mask.width, mask.height).any(|at| mask.ids[at] == label)
 }
 
 /// Returns the pixels within `radius` columns and rows, in row-major order.
-fn near(at: usize, radius: u32, (width, height): (u32, u32)) -> impl Iterator<Item = usize> {
+fn near(at: usize, radius: u32, width: u32, height: u32) -> impl Iterator<Item = usize> {
     let (x, y) = (at as u32 % width, at as u32 / width);
     let columns = x.saturating_sub(radius)..=(x + radius).min(width - 1);
     let rows = y.saturating_sub(radius)..=(y + radius).min(height - 1);
@@ -163,35 +163,49 @@ pub(crate) const FILL_PX: u32 = 2;
 /// Maximum distance from a pixel's 3-D position to its point, in spacings of the cloud.
 pub(crate) const REACH: f64 = 2.0;
 
+/// A frame with its mask and, if there is one, its depth map.
+#[derive(Clone, Copy)]
+pub struct MaskedFrame<'a> {
+    /// Number of the frame.
+    pub number: usize,
+    /// The frame.
+    pub frame: &'a Frame,
+    /// Its depth map.
+    pub depth: Option<&'a DepthMap>,
+    /// Its mask.
+    pub mask: &'a LabelMask,
+}
+
 /// Returns the mask of a frame as given by the vote of all frames.
 ///
 /// If the frame has depth, each pixel takes the label of the point at its 3-D position; otherwise
 /// it takes that of the nearest pixel that sees a point. Pixels that see no point keep their label
-/// in `mask`. If `only` is not empty, only pixels that have or receive one of these labels change.
+/// in the frame's mask. If `only` is not empty, only pixels that have or receive one of these labels change.
 ///
 /// # Errors
 ///
 /// Returns [`SceneError::Request`] if the frame has no pose, the cloud has too few points, or the
 /// votes belong to another cloud.
 pub fn voted_mask(
-    (cloud, votes): (&LabelledCloud, &Votes),
-    (number, frame): (usize, &Frame),
-    depth: Option<&DepthMap>,
-    mask: &LabelMask,
+    cloud: &LabelledCloud,
+    votes: &Votes,
+    masked: &MaskedFrame<'_>,
     only: &[LabelId],
 ) -> Result<LabelMask, SceneError> {
+    let (frame, mask) = (masked.frame, masked.mask);
     let refuse = |why: &str| SceneError::Request(format!("frame '{}': {why}", frame.name));
     if votes.len() != cloud.len() {
         return Err(refuse("the votes belong to another cloud; fuse again"));
     }
-    let voted = match depth {
+    let voted = match masked.depth {
         Some(depth) => by_depth(cloud, frame, depth)
             .ok_or_else(|| refuse("it has no camera, or the cloud no points"))?,
         None => by_observation(&ObservedLabels::new(
             votes,
             &cloud.labels,
-            number,
-            (mask.width, mask.height),
+            masked.number,
+            mask.width,
+            mask.height,
         )),
     };
     let is_meant = |id: LabelId| only.is_empty() || only.contains(&id);

@@ -4,10 +4,9 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::SceneError;
-use crate::conflicts::{self, FILL_PX, Lifted};
+use crate::conflicts::{self, FILL_PX, Lifted, MaskedFrame};
 use crate::fuse::Votes;
 use crate::select::{Selection, Selector};
-use ostra_frames::{DepthMap, Frame};
 use ostra_masks::{Connectivity, LabelId, LabelMask, Region, components};
 
 /// Finds the pixels that see the selected points of a cloud.
@@ -91,22 +90,20 @@ impl<'a> SeeingPixels<'a> {
     /// Returns the pixels of a frame that see selected points, or `None` if there are none.
     ///
     /// A pixel follows the majority of the points that it is recorded to see. If none are recorded,
-    /// it follows the point at its position given by `depth`, and without a depth map the nearest
-    /// pixel that sees a point. Unknown pixels follow those of the same label in `mask` around
+    /// it follows the point at its position given by the depth map, and without one the nearest
+    /// pixel that sees a point. Unknown pixels follow those of the same label in the mask around
     /// them, and unlabelled holes are closed, so that an object is corrected as a whole.
     ///
     /// The record of the vote takes precedence, so that a correction is written where the wrong
     /// label came from. Afterwards the masks vote again on the same points, with the result that a
     /// new fusion would give them.
     #[must_use]
-    pub fn in_frame(
-        &self,
-        (number, frame): (usize, &Frame),
-        depth: Option<&DepthMap>,
-        mask: &LabelMask,
-    ) -> Option<Region> {
-        let recorded = self.recorded(number, (mask.width, mask.height))?;
-        let lifted = depth.and_then(|depth| Lifted::new(frame, depth));
+    pub fn in_frame(&self, masked: &MaskedFrame<'_>) -> Option<Region> {
+        let mask = masked.mask;
+        let recorded = self.recorded(masked.number, mask.width, mask.height)?;
+        let lifted = masked
+            .depth
+            .and_then(|depth| Lifted::new(masked.frame, depth));
         let pixel = |at: usize| match (recorded[at].pixel(), &lifted) {
             (Some(pixel), _) => pixel,
             (None, Some(lifted)) => self.at_place(lifted, at),
@@ -126,7 +123,7 @@ impl<'a> SeeingPixels<'a> {
     }
 
     /// Returns the recorded sightings of each pixel, or `None` if no pixel sees a selected point.
-    fn recorded(&self, frame: usize, (width, height): (u32, u32)) -> Option<Vec<Observations>> {
+    fn recorded(&self, frame: usize, width: u32, height: u32) -> Option<Vec<Observations>> {
         let mut recorded = vec![Observations::default(); width as usize * height as usize];
         let mut any = false;
         for (point, x, y) in self

@@ -14,7 +14,7 @@ use crate::mask_edits::mask_of;
 use crate::store::{cloud_path, mesh_path, mesh_votes_path, version_in_force, votes_path};
 use crate::voted_cloud::{VotedCloud, can_revote, read_votes_on};
 use crate::{FuseRequest, Project, ResultKind, ResultRecord};
-use ostra_cloud::conflicts::voted_mask;
+use ostra_cloud::conflicts::{MaskedFrame, voted_mask};
 use ostra_cloud::fuse::{Fused, ProjectViews, Votes, vote_again};
 use ostra_cloud::ply::{read_mesh, read_ply};
 use ostra_cloud::{LabelledCloud, LabelledMesh};
@@ -180,8 +180,13 @@ impl MaskByVote<'_> {
     pub fn project(&self, project: &Project, depth: Option<&DepthMap>) -> Result<LabelMask> {
         let frame = project.frame(self.frame)?;
         let own = mask_of(project, self.frame)?;
-        let voted = (self.cloud, self.votes);
-        let mut mask = voted_mask(voted, (self.frame, frame), depth, &own, self.labels)?;
+        let masked = MaskedFrame {
+            number: self.frame,
+            frame,
+            depth,
+            mask: &own,
+        };
+        let mut mask = voted_mask(self.cloud, self.votes, &masked, self.labels)?;
         for (id, own) in mask.ids.iter_mut().zip(&own.ids) {
             // Labels that were removed since the vote are left out.
             if *id != LabelId::NONE && project.labels.get(*id).is_none() {

@@ -3,7 +3,8 @@
 use std::sync::{Arc, OnceLock};
 
 use ostra_cloud::fuse::{
-    ChangedMask, FuseOptions, Fused, OntoOptions, Views, fuse, relabel, vote_onto, write_votes,
+    ChangedMask, FuseOptions, Fused, MaskVote, OntoOptions, Views, fuse, relabel, vote_onto,
+    write_votes,
 };
 use ostra_cloud::ply::{Coloring, read_ply, write_ply};
 use ostra_cloud::points::Neighbours;
@@ -135,9 +136,11 @@ fn plant() -> (DataSet, LabelledCloud) {
 fn onto(views: &DataSet, cloud: &LabelledCloud) -> LabelledCloud {
     vote_onto(
         cloud,
-        views,
-        &LabelTree::default(),
-        &OntoOptions::default(),
+        &MaskVote {
+            views,
+            tree: &LabelTree::default(),
+            options: &OntoOptions::default(),
+        },
         &Progress::default(),
     )
     .unwrap()

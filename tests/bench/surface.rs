@@ -12,7 +12,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use ostra_cloud::fuse::{OntoOptions, SeenPoints, vote_seen};
+use ostra_cloud::fuse::{MaskVote, OntoOptions, SeenPoints, vote_seen};
 use ostra_cloud::volume::{VolumeOptions, reconstruct_surface};
 use ostra_core::job::Progress;
 use ostra_masks::{LabelId, LabelMask, LabelTree};
@@ -60,9 +60,11 @@ fn main() {
         let voted = vote_seen(
             surface.mesh.vertices.clone(),
             &SeenPoints::new(),
-            &recording,
-            &tree,
-            &onto,
+            &MaskVote {
+                views: &recording,
+                tree: &tree,
+                options: &onto,
+            },
             &Progress::default(),
         );
         let (all, labelled) = (begun.elapsed().as_secs_f64(), voted.unwrap().cloud);

@@ -10,7 +10,7 @@ use egui_kittest::kittest::Queryable;
 use glam::DVec2;
 use ostra_app::{InspectedPoint, Panes};
 use ostra_cloud::LabelledCloud;
-use ostra_cloud::fuse::{OntoOptions, ProjectViews, Voter, vote_onto};
+use ostra_cloud::fuse::{MaskVote, OntoOptions, ProjectViews, Voter, vote_onto};
 use ostra_core::job::Progress;
 use ostra_frames::FrameStore;
 use ostra_masks::LabelId;
@@ -33,9 +33,11 @@ fn voted() -> Desk {
     let (cloud, options) = (desk.cloud.clone().unwrap(), OntoOptions::default());
     let fused = vote_onto(
         &cloud,
-        &views,
-        &desk.project.labels,
-        &options,
+        &MaskVote {
+            views: &views,
+            tree: &desk.project.labels,
+            options: &options,
+        },
         &Progress::default(),
     )
     .unwrap();

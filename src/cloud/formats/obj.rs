@@ -40,12 +40,16 @@ pub(super) fn save(
         out.write_all(origin.as_bytes()).map_err(unplaced)?;
         out.write_all(head(tree, &library).as_bytes())
             .map_err(unplaced)?;
-        let mut before = 0;
+        let mut writer = ObjWriter {
+            out,
+            vertices: 0,
+            coloring,
+            progress,
+        };
         for (id, part) in &parts {
-            write_part(&mut out, &names[id], part, before, coloring, progress)?;
-            before += part.vertices.len();
+            writer.write_part(&names[id], part)?;
         }
-        out.flush().map_err(unplaced)
+        writer.out.flush().map_err(unplaced)
     })
 }
 
@@ -82,36 +86,42 @@ fn materials(tree: &LabelTree, names: &BTreeMap<LabelId, String>) -> String {
     text
 }
 
-/// Writes the object of one label, given the number of vertices already written.
-fn write_part(
-    out: &mut impl Write,
-    name: &str,
-    part: &LabelledMesh,
-    before: usize,
+/// Writes the objects of an OBJ file.
+struct ObjWriter<'a, W> {
+    out: W,
+    /// Number of vertices already written.
+    vertices: usize,
     coloring: Coloring,
-    progress: &Progress,
-) -> Result<(), SceneError> {
-    writeln!(out, "o {name}\nusemtl {name}").map_err(unplaced)?;
-    let (vertices, colors) = (&part.vertices, coloring.of(&part.vertices));
-    let lines = vertices.len() + part.triangles.len();
-    for (at, (position, color)) in vertices.positions.iter().zip(colors.iter()).enumerate() {
-        if at % STRIDE == 0 {
-            progress.step(at, lines)?;
+    progress: &'a Progress,
+}
+
+impl<W: Write> ObjWriter<'_, W> {
+    /// Writes the object of one label.
+    fn write_part(&mut self, name: &str, part: &LabelledMesh) -> Result<(), SceneError> {
+        let out = &mut self.out;
+        writeln!(out, "o {name}\nusemtl {name}").map_err(unplaced)?;
+        let (vertices, colors) = (&part.vertices, self.coloring.of(&part.vertices));
+        let lines = vertices.len() + part.triangles.len();
+        for (at, (position, color)) in vertices.positions.iter().zip(colors.iter()).enumerate() {
+            if at % STRIDE == 0 {
+                self.progress.step(at, lines)?;
+            }
+            let ([x, y, z], [red, green, blue]) = (position.to_array(), color.map(unit));
+            writeln!(out, "v {x} {y} {z} {red:.4} {green:.4} {blue:.4}").map_err(unplaced)?;
         }
-        let ([x, y, z], [red, green, blue]) = (position.to_array(), color.map(unit));
-        writeln!(out, "v {x} {y} {z} {red:.4} {green:.4} {blue:.4}").map_err(unplaced)?;
-    }
-    for [x, y, z] in vertices.normals.iter().map(glam::Vec3::to_array) {
-        writeln!(out, "vn {x:.4} {y:.4} {z:.4}").map_err(unplaced)?;
-    }
-    for (at, triangle) in part.triangles.iter().enumerate() {
-        if at % STRIDE == 0 {
-            progress.step(vertices.len() + at, lines)?;
+        for [x, y, z] in vertices.normals.iter().map(glam::Vec3::to_array) {
+            writeln!(out, "vn {x:.4} {y:.4} {z:.4}").map_err(unplaced)?;
         }
-        let [a, b, c] = triangle.map(|vertex| before + vertex as usize + 1);
-        writeln!(out, "f {a}//{a} {b}//{b} {c}//{c}").map_err(unplaced)?;
+        for (at, triangle) in part.triangles.iter().enumerate() {
+            if at % STRIDE == 0 {
+                self.progress.step(vertices.len() + at, lines)?;
+            }
+            let [a, b, c] = triangle.map(|vertex| self.vertices + vertex as usize + 1);
+            writeln!(out, "f {a}//{a} {b}//{b} {c}//{c}").map_err(unplaced)?;
+        }
+        self.vertices += vertices.len();
+        Ok(())
     }
-    Ok(())
 }
 
 fn unit(channel: u8) -> f32 {

@@ -1,12 +1,10 @@
 //! Fusion: collects the points of all frames in one grid and votes on their labels.
 
-use std::sync::Arc;
-
 use serde::{Deserialize, Serialize};
 
 use super::coverage::Coverage;
 use super::fused::{ChosenVoxel, FuseReport, Fused, finish, labelled, naming};
-use super::lift::{DepthUnprojection, LiftCount, Rays};
+use super::lift::{DepthUnprojection, FramePixels, LiftCount, Rays};
 use super::views::{Views, check_size, nearest_corner, readable, two_digits};
 use super::visibility::{measured_tolerance, posed_view};
 use super::vote::{SeenPoints, VoteOptions, vote};
@@ -14,7 +12,6 @@ use super::voxel_grid::{Grid, GridPoints};
 use crate::points::{OutlierOptions, outliers};
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
-use ostra_frames::{DepthMap, Image};
 use ostra_geometry::{DepthTolerance, PosedCamera};
 use ostra_masks::LabelTree;
 
@@ -99,13 +96,19 @@ pub fn fuse(
     let mut report = FuseReport::default();
     let usable = usable_frames(views, &mut report)?;
     progress.stage("fuse")?;
+    let fusion = Fusion {
+        views,
+        usable: &usable,
+        options,
+        progress,
+    };
     let (voxel, expected) = match options.voxel {
         Some(voxel) => (voxel, 0),
-        None => choose_voxel(views, &usable, &mut report, progress)?,
+        None => fusion.choose_voxel(&mut report)?,
     };
     report.voxel = voxel;
     let points = loop {
-        match make_points(views, &usable, options, expected, &mut report, progress)? {
+        match fusion.make_points(expected, &mut report)? {
             Some(points) => break points,
             // The size was chosen from a few frames; the others may see much more.
             None if options.voxel.is_none() => report.voxel = two_digits(report.voxel * COARSER),
@@ -141,27 +144,6 @@ pub fn fuse(
         options.drop_unlabelled,
         report,
     ))
-}
-
-/// Chooses the default voxel size and estimates the number of voxels.
-fn choose_voxel(
-    views: &dyn Views,
-    usable: &[usize],
-    report: &mut FuseReport,
-    progress: &Progress,
-) -> Result<(f64, usize), SceneError> {
-    let coverage = Coverage::measure(views, usable, false, progress)?.ok_or_else(|| {
-        usable
-            .first()
-            .and_then(|&first| views.fault(first))
-            .unwrap_or_else(no_depth)
-    })?;
-    report.chosen = Some(ChosenVoxel {
-        footprint: coverage.footprint,
-        views: coverage.views,
-    });
-    let voxel = coverage.point_voxel();
-    Ok((voxel, (coverage.cells(voxel) as usize).min(MANY_VOXELS)))
 }
 
 fn too_many(voxel: f64) -> SceneError {
@@ -224,10 +206,7 @@ fn usable_frames(views: &dyn Views, report: &mut FuseReport) -> Result<Vec<usize
     }
 }
 
-/// The image and the depth map of a frame.
-type Pixels = (Arc<Image>, Arc<DepthMap>);
-
-fn load(views: &dyn Views, index: usize) -> Result<Option<Pixels>, SceneError> {
+fn load(views: &dyn Views, index: usize) -> Result<Option<FramePixels>, SceneError> {
     let frame = &views.frames()[index];
     let (image, depth) = rayon::join(|| views.image(index), || views.depth(index));
     let (Some(image), Some(depth)) = (readable(image)?, depth?) else {
@@ -235,125 +214,152 @@ fn load(views: &dyn Views, index: usize) -> Result<Option<Pixels>, SceneError> {
     };
     check_size(frame, "picture", image.width, image.height)?;
     check_size(frame, "depth", depth.width, depth.height)?;
-    Ok(Some((image, depth)))
+    Ok(Some(FramePixels { image, depth }))
 }
 
-/// Adds all usable frames to the grid, decoding each frame while the previous one is added.
-///
-/// Returns `None` if there are too many voxels.
-fn make_points(
-    views: &dyn Views,
-    usable: &[usize],
-    options: &FuseOptions,
-    expected: usize,
-    report: &mut FuseReport,
-    progress: &Progress,
-) -> Result<Option<GridPoints>, SceneError> {
-    (report.frames_fused, report.pixels, report.dropped) = Default::default();
-    let most = if options.voxel.is_some() {
-        MAX_VOXELS
-    } else {
-        MANY_VOXELS
-    };
-    let mut grid = Grid::new(nearest_corner(views, usable), report.voxel, expected);
-    let mut rays: Option<Rays> = None;
-    let mut unreadable = Vec::new();
-    let mut next = load(views, usable[0])?;
-    for (done, &index) in usable.iter().enumerate() {
-        progress.step(done, usable.len())?;
-        let current = next.take();
-        if current.is_none() {
-            unreadable.push(views.frames()[index].name.as_str());
-        }
-        let Some(view) = posed_view(&views.frames()[index])? else {
-            continue;
+/// One fusion: its frames, options and progress.
+struct Fusion<'a> {
+    views: &'a dyn Views,
+    /// The frames that contribute points.
+    usable: &'a [usize],
+    options: &'a FuseOptions,
+    progress: &'a Progress,
+}
+
+impl Fusion<'_> {
+    /// Chooses the default voxel size and estimates the number of voxels.
+    fn choose_voxel(&self, report: &mut FuseReport) -> Result<(f64, usize), SceneError> {
+        let coverage = Coverage::measure(self.views, self.usable, false, self.progress)?
+            .ok_or_else(|| {
+                self.usable
+                    .first()
+                    .and_then(|&first| self.views.fault(first))
+                    .unwrap_or_else(no_depth)
+            })?;
+        report.chosen = Some(ChosenVoxel {
+            footprint: coverage.footprint,
+            views: coverage.views,
+        });
+        let voxel = coverage.point_voxel();
+        Ok((voxel, (coverage.cells(voxel) as usize).min(MANY_VOXELS)))
+    }
+
+    /// Adds all usable frames to the grid, decoding each frame while the previous one is added.
+    ///
+    /// Returns `None` if there are too many voxels.
+    fn make_points(
+        &self,
+        expected: usize,
+        report: &mut FuseReport,
+    ) -> Result<Option<GridPoints>, SceneError> {
+        let Self {
+            views,
+            usable,
+            options,
+            progress,
+        } = *self;
+        (report.frames_fused, report.pixels, report.dropped) = Default::default();
+        let most = if options.voxel.is_some() {
+            MAX_VOXELS
+        } else {
+            MANY_VOXELS
         };
-        let (added, loaded) = rayon::join(
-            || {
-                current
-                    .map(|pixels| {
-                        add_frame(&mut grid, &mut rays, &view, &pixels, options, progress)
-                    })
-                    .transpose()
-            },
-            || {
-                usable
-                    .get(done + 1)
-                    .map_or(Ok(None), |&index| load(views, index))
-            },
+        let mut grid = Grid::new(nearest_corner(views, usable), report.voxel, expected);
+        let mut rays: Option<Rays> = None;
+        let mut unreadable = Vec::new();
+        let mut next = load(views, usable[0])?;
+        for (done, &index) in usable.iter().enumerate() {
+            progress.step(done, usable.len())?;
+            let current = next.take();
+            if current.is_none() {
+                unreadable.push(views.frames()[index].name.as_str());
+            }
+            let Some(view) = posed_view(&views.frames()[index])? else {
+                continue;
+            };
+            let (added, loaded) = rayon::join(
+                || {
+                    current
+                        .map(|pixels| self.add_frame(&mut grid, &mut rays, &view, &pixels))
+                        .transpose()
+                },
+                || {
+                    usable
+                        .get(done + 1)
+                        .map_or(Ok(None), |&index| load(views, index))
+                },
+            );
+            next = loaded?;
+            if let Some(count) = added? {
+                report.frames_fused += 1;
+                report.pixels += count.measured;
+                report.dropped.flying_pixels += count.flying;
+                report.dropped.far_pixels += count.beyond;
+            }
+            if grid.voxels() > most {
+                return Ok(None);
+            }
+        }
+        let warning = naming(
+            "cannot be read (image or depth) and give no points",
+            &unreadable,
         );
-        next = loaded?;
-        if let Some(count) = added? {
-            report.frames_fused += 1;
-            report.pixels += count.measured;
-            report.dropped.flying_pixels += count.flying;
-            report.dropped.far_pixels += count.beyond;
+        if let (0, Some(warning)) = (report.frames_fused, &warning) {
+            let unknown = || {
+                SceneError::Request(format!(
+                    "no frame can be read: {warning}; check images and depths"
+                ))
+            };
+            return Err(views.fault(usable[0]).unwrap_or_else(unknown));
         }
-        if grid.voxels() > most {
-            return Ok(None);
-        }
+        report.warnings.extend(warning);
+        let one_layer = report
+            .chosen
+            .is_some_and(|chosen| chosen.views >= MANY_VIEWS);
+        let points = grid.into_points(options.min_views, one_layer, progress)?;
+        (report.dropped.few_views, report.dropped.layers) = (points.few_views, points.merged);
+        self.keep_inliers(points, report).map(Some)
     }
-    let warning = naming(
-        "cannot be read (image or depth) and give no points",
-        &unreadable,
-    );
-    if let (0, Some(warning)) = (report.frames_fused, &warning) {
-        let unknown = || {
-            SceneError::Request(format!(
-                "no frame can be read: {warning}; check images and depths"
-            ))
+
+    /// Adds one frame to the grid, with the rays of the previous frame if its camera is the same.
+    fn add_frame(
+        &self,
+        grid: &mut Grid,
+        rays: &mut Option<Rays>,
+        view: &PosedCamera,
+        pixels: &FramePixels,
+    ) -> Result<LiftCount, SceneError> {
+        let rays = match rays.take_if(|rays| !rays.fit(&view.camera)) {
+            Some(_) => rays.insert(Rays::new(&view.camera)),
+            None => rays.get_or_insert_with(|| Rays::new(&view.camera)),
         };
-        return Err(views.fault(usable[0]).unwrap_or_else(unknown));
+        let lift = DepthUnprojection::new(
+            view,
+            rays,
+            pixels,
+            grid.frame(),
+            self.options.edge_tolerance,
+        );
+        Ok(grid.add(&lift, pixels.depth.height, self.progress)?)
     }
-    report.warnings.extend(warning);
-    let one_layer = report
-        .chosen
-        .is_some_and(|chosen| chosen.views >= MANY_VIEWS);
-    let points = grid.into_points(options.min_views, one_layer, progress)?;
-    (report.dropped.few_views, report.dropped.layers) = (points.few_views, points.merged);
-    keep_inliers(points, options, report, progress).map(Some)
-}
 
-fn add_frame(
-    grid: &mut Grid,
-    rays: &mut Option<Rays>,
-    view: &PosedCamera,
-    (image, depth): &Pixels,
-    options: &FuseOptions,
-    progress: &Progress,
-) -> Result<LiftCount, SceneError> {
-    let rays = match rays.take_if(|rays| !rays.fit(&view.camera)) {
-        Some(_) => rays.insert(Rays::new(&view.camera)),
-        None => rays.get_or_insert_with(|| Rays::new(&view.camera)),
-    };
-    let lift = DepthUnprojection::new(
-        view,
-        rays,
-        image,
-        depth,
-        grid.frame(),
-        options.edge_tolerance,
-    );
-    Ok(grid.add(&lift, depth.height, progress)?)
-}
-
-fn keep_inliers(
-    points: GridPoints,
-    options: &FuseOptions,
-    report: &mut FuseReport,
-    progress: &Progress,
-) -> Result<GridPoints, SceneError> {
-    let Some(outlier_options) = &options.outliers else {
-        return Ok(points);
-    };
-    let far = outliers(&points.positions, outlier_options, progress)?;
-    report.dropped.outliers = far.iter().filter(|&&far| far).count();
-    let near: Vec<usize> = (0..far.len()).filter(|&index| !far[index]).collect();
-    Ok(GridPoints {
-        positions: near.iter().map(|&index| points.positions[index]).collect(),
-        normals: near.iter().map(|&index| points.normals[index]).collect(),
-        colors: near.iter().map(|&index| points.colors[index]).collect(),
-        few_views: points.few_views,
-        merged: points.merged,
-    })
+    fn keep_inliers(
+        &self,
+        points: GridPoints,
+        report: &mut FuseReport,
+    ) -> Result<GridPoints, SceneError> {
+        let Some(outlier_options) = &self.options.outliers else {
+            return Ok(points);
+        };
+        let far = outliers(&points.positions, outlier_options, self.progress)?;
+        report.dropped.outliers = far.iter().filter(|&&far| far).count();
+        let near: Vec<usize> = (0..far.len()).filter(|&index| !far[index]).collect();
+        Ok(GridPoints {
+            positions: near.iter().map(|&index| points.positions[index]).collect(),
+            normals: near.iter().map(|&index| points.normals[index]).collect(),
+            colors: near.iter().map(|&index| points.colors[index]).collect(),
+            few_views: points.few_views,
+            merged: points.merged,
+        })
+    }
 }

@@ -1,5 +1,8 @@
-use glam::{DVec3, Mat3, Vec3};
+use std::sync::Arc;
 
+use glam::{Mat3, Vec3};
+
+use super::voxel_grid::GridFrame;
 use super::voxel_map::{Cell, Sample, cell_key, shard_of};
 use ostra_frames::{DepthMap, Image};
 use ostra_geometry::{Camera, PosedCamera};
@@ -43,6 +46,12 @@ impl Rays {
     }
 }
 
+/// The image and the depth map of a frame.
+pub(super) struct FramePixels {
+    pub(super) image: Arc<Image>,
+    pub(super) depth: Arc<DepthMap>,
+}
+
 /// Unprojects the pixels of one frame into the grid.
 pub(super) struct DepthUnprojection<'a> {
     image: &'a Image,
@@ -72,16 +81,15 @@ impl<'a> DepthUnprojection<'a> {
     pub(super) fn new(
         view: &PosedCamera,
         rays: &'a Rays,
-        image: &'a Image,
-        depth: &'a DepthMap,
-        grid: (DVec3, f64),
+        pixels: &'a FramePixels,
+        grid: GridFrame,
         edge_tolerance: f32,
     ) -> Self {
-        let (origin, voxel) = grid;
+        let GridFrame { origin, voxel } = grid;
         let world_from_camera = view.rotation.transpose();
         Self {
-            image,
-            depth,
+            image: &pixels.image,
+            depth: &pixels.depth,
             rays,
             grid_from_camera: (world_from_camera * (1.0 / voxel)).as_mat3(),
             offset: ((view.centre() - origin) / voxel).as_vec3(),

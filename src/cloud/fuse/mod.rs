@@ -26,7 +26,7 @@ pub use coverage::Coverage;
 pub use fused::{ChosenVoxel, Dropped, FuseReport, Fused, naming};
 pub use fusion::{FuseOptions, fuse};
 pub use majority::{Majority, MajorityLabel};
-pub use onto::{OntoOptions, vote_onto, vote_seen};
+pub use onto::{MaskVote, OntoOptions, vote_onto, vote_seen};
 pub use relabel::{ChangedMask, relabel, vote_again};
 pub(crate) use views::nearest_corner;
 pub use views::{ProjectViews, Views, pixel_footprint, readable};

@@ -43,6 +43,17 @@ impl Default for OntoOptions {
     }
 }
 
+/// The frames that vote onto an existing cloud, their labels and the options of the vote.
+#[derive(Clone, Copy)]
+pub struct MaskVote<'a> {
+    /// The frames with their masks.
+    pub views: &'a dyn Views,
+    /// The labels of the masks.
+    pub tree: &'a LabelTree,
+    /// The options of the vote.
+    pub options: &'a OntoOptions,
+}
+
 /// Labels the points of an existing cloud by the masks of all frames that see them.
 ///
 /// Visibility is decided by the depth of a frame. If a frame has no depth, the cloud itself is
@@ -54,19 +65,10 @@ impl Default for OntoOptions {
 /// and a camera.
 pub fn vote_onto(
     cloud: &LabelledCloud,
-    views: &dyn Views,
-    tree: &LabelTree,
-    options: &OntoOptions,
+    mask_vote: &MaskVote<'_>,
     progress: &Progress,
 ) -> Result<Fused, SceneError> {
-    let fused = vote_seen(
-        cloud.clone(),
-        &SeenPoints::new(),
-        views,
-        tree,
-        options,
-        progress,
-    )?;
+    let fused = vote_seen(cloud.clone(), &SeenPoints::new(), mask_vote, progress)?;
     if fused.report.frames_voted == 0 {
         return Err(SceneError::Request(
             "no frame has both a mask and a camera with a pose; add masks first".into(),
@@ -88,11 +90,14 @@ pub fn vote_onto(
 pub fn vote_seen(
     cloud: LabelledCloud,
     seen: &SeenPoints,
-    views: &dyn Views,
-    tree: &LabelTree,
-    options: &OntoOptions,
+    mask_vote: &MaskVote<'_>,
     progress: &Progress,
 ) -> Result<Fused, SceneError> {
+    let MaskVote {
+        views,
+        tree,
+        options,
+    } = *mask_vote;
     let mut report = FuseReport::default();
     let frames = views.frames().iter();
     let no_camera: Vec<&str> = frames

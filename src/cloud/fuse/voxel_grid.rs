@@ -21,12 +21,21 @@ const BLOCK_ROWS: u32 = 16;
 const MAX_SAMPLES: u32 = 1 << 15;
 /// Number of samples whose voxels are looked up together.
 const LOOKUPS: usize = 64;
+
+/// The placement of a voxel grid in world space.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct GridFrame {
+    /// The corner of the first voxel.
+    pub(super) origin: DVec3,
+    /// Edge length of a voxel.
+    pub(super) voxel: f64,
+}
+
 /// A hashed voxel grid that averages the samples in each voxel.
 ///
 /// All sums are integers, so the result does not depend on the order in which threads add to it.
 pub(super) struct Grid {
-    origin: DVec3,
-    voxel: f64,
+    frame: GridFrame,
     shards: Vec<VoxelMap>,
     blocks: Vec<Block>,
     frames: u32,
@@ -63,8 +72,10 @@ impl Grid {
             || VoxelMap::with_capacity_and_hasher(expected / SHARDS, BuildHasherDefault::default());
         let shards = (0..SHARDS).map(|_| room()).collect();
         Self {
-            origin: (near / voxel).floor() * voxel,
-            voxel,
+            frame: GridFrame {
+                origin: (near / voxel).floor() * voxel,
+                voxel,
+            },
             shards,
             blocks: Vec::new(),
             frames: 0,
@@ -72,8 +83,8 @@ impl Grid {
     }
 
     /// Returns the grid's origin in world space and the edge length of its voxels.
-    pub(super) fn frame(&self) -> (DVec3, f64) {
-        (self.origin, self.voxel)
+    pub(super) fn frame(&self) -> GridFrame {
+        self.frame
     }
 
     /// Adds all pixels of one frame of `height` rows.
@@ -132,7 +143,7 @@ impl Grid {
         one_layer: bool,
         progress: &Progress,
     ) -> Result<GridPoints, Stopped> {
-        let (origin, voxel) = self.frame();
+        let GridFrame { origin, voxel } = self.frame;
         self.blocks = Vec::new();
         let merged = if one_layer {
             merge_layers(&mut self.shards, progress)?

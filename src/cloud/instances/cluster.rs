@@ -297,7 +297,8 @@ fn cell_of(x: Vec3, side: f64) -> IVec3 {
 pub fn split_mask(
     votes: &Votes,
     choice: &[Option<LabelId>],
-    (frame, mask): (usize, &LabelMask),
+    frame: usize,
+    mask: &LabelMask,
     mut inside: Region,
 ) -> Option<LabelMask> {
     let mut split = mask.clone();

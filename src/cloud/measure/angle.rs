@@ -135,7 +135,7 @@ fn rows_of(
             body.points.len() + other.points.len(),
             format!("angle_to_{}", names[1]),
         );
-        rows.push(Trait::new(name, (angle, Dimension::Angle), how, points).row(tree, a.id, k + 1));
+        rows.push(Trait::new(name, angle, Dimension::Angle, how, points).row(tree, a.id, k + 1));
     }
     if !rows.is_empty() {
         return Ok(rows);

@@ -69,7 +69,8 @@ impl Body {
     /// `spacing` is the median distance of the points to their nearest neighbours. `reach` is the
     /// maximum distance between linked points.
     pub(super) fn new(
-        (points, area): (Vec<DVec3>, f64),
+        points: Vec<DVec3>,
+        area: f64,
         spacing: f64,
         reach: f64,
         progress: &Progress,
@@ -110,7 +111,7 @@ impl Body {
     /// Returns the traits that need no other body; `spacing` is that of the points.
     pub(super) fn traits(&self, spacing: f64) -> Vec<Trait> {
         let found = |name, value, definition| {
-            Trait::new(name, (value, Length), definition, self.points.len())
+            Trait::new(name, value, Length, definition, self.points.len())
         };
         let mut traits = Vec::new();
         if let Some(curve) = &self.curve {

@@ -15,21 +15,25 @@ use ostra_core::job::{Progress, Stopped};
 /// `spacing` is that of the points.
 pub(super) fn extent_traits(points: &[DVec3], area: f64, spacing: f64) -> Vec<Trait> {
     let count = points.len();
-    let found = |name, value, definition| Trait::new(name, value, definition, count);
+    let found =
+        |name, value, dimension, definition| Trait::new(name, value, dimension, definition, count);
     let mut traits = vec![
         found(
             "area",
-            (area, Area),
+            area,
+            Area,
             "area of the surface that the points cover, one side of a thin sheet",
         ),
         found(
             "hull_volume",
-            (hull_volume(points), Volume),
+            hull_volume(points),
+            Volume,
             "volume of the convex hull of the points",
         ),
         found(
             "voxel_volume",
-            (voxel_volume(points, spacing), Volume),
+            voxel_volume(points, spacing),
+            Volume,
             "voxels that the points enclose, and half of those that hold points; edge 3 spacings",
         ),
     ];
@@ -38,7 +42,7 @@ pub(super) fn extent_traits(points: &[DVec3], area: f64, spacing: f64) -> Vec<Tr
         .zip(principal_sizes(points))
     {
         let definition = "size of the box along the principal axes of the points, longest first";
-        traits.push(found(name, (size, Length), definition));
+        traits.push(found(name, size, Length, definition));
     }
     for (name, size) in ["box_x", "box_y", "box_z"]
         .into_iter()
@@ -46,7 +50,8 @@ pub(super) fn extent_traits(points: &[DVec3], area: f64, spacing: f64) -> Vec<Tr
     {
         traits.push(found(
             name,
-            (size, Length),
+            size,
+            Length,
             "size of the box along the axes of the world",
         ));
     }

@@ -233,7 +233,7 @@ impl Ground {
             return Vec::new();
         };
         let found =
-            |name, value, definition| Trait::new(name, (value, Length), definition, points.len());
+            |name, value, definition| Trait::new(name, value, Length, definition, points.len());
         let [top, bottom] = self.definitions;
         vec![
             found("height_max", highest, top),

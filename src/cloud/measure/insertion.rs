@@ -72,7 +72,7 @@ pub(super) fn insertion_angle<'a>(
         along: middle.direction_about(at, reach),
     };
     let axis = rough.fitted(&rod.points, radius(rod), reach);
-    let chord = midrib_chord(&ribbon.points, axis, (root, tip), radius(rod)).unwrap_or(tip - root);
+    let chord = midrib_chord(&ribbon.points, axis, root, tip, radius(rod)).unwrap_or(tip - root);
     let angle = chord.angle_between(axis.along).to_degrees();
     Some((angle.min(180.0 - angle), (id, rod)))
 }
@@ -93,7 +93,8 @@ const LEAST_POINTS: usize = 8;
 fn midrib_chord(
     sheet: &[DVec3],
     axis: Axis,
-    (root, tip): (DVec3, DVec3),
+    root: DVec3,
+    tip: DVec3,
     radius: f64,
 ) -> Option<DVec3> {
     let out = (tip - axis.x)

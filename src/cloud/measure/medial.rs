@@ -44,16 +44,14 @@ impl MedialCurve {
         };
         let (distances, parents) = geodesic(points, &grid, reach, first, progress)?;
         Ok(Self::through_levels(
-            points,
-            (&distances, &parents),
-            spacing,
-            reach,
+            points, &distances, &parents, spacing, reach,
         ))
     }
 
     fn through_levels(
         points: &[DVec3],
-        (distances, parents): (&[f64], &[Option<usize>]),
+        distances: &[f64],
+        parents: &[Option<usize>],
         spacing: f64,
         reach: f64,
     ) -> Option<Self> {

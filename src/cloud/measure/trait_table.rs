@@ -32,7 +32,8 @@ pub struct TraitRow {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Trait {
     name: Cow<'static, str>,
-    value: (f64, Dimension),
+    value: f64,
+    dimension: Dimension,
     definition: Cow<'static, str>,
     points: usize,
 }
@@ -40,13 +41,15 @@ pub(super) struct Trait {
 impl Trait {
     pub(super) fn new(
         name: impl Into<Cow<'static, str>>,
-        value: (f64, Dimension),
+        value: f64,
+        dimension: Dimension,
         definition: impl Into<Cow<'static, str>>,
         points: usize,
     ) -> Self {
         Self {
             name: name.into(),
             value,
+            dimension,
             definition: definition.into(),
             points,
         }
@@ -74,7 +77,8 @@ impl Trait {
             .map_or_else(String::new, |label| label.name.clone());
         let Self {
             name,
-            value: (value, dimension),
+            value,
+            dimension,
             definition,
             points,
         } = self;

@@ -116,7 +116,7 @@ pub fn measure(
             let heights = ground.iter().flat_map(|ground| ground.traits(points));
             traits.extend(heights.map(|found| found.leaving_out(outliers)));
             traits.extend(
-                body.and_then(|body| insertion(&cloud.tree, (label.id, body), &labels, options)),
+                body.and_then(|body| insertion(&cloud.tree, label.id, body, &labels, options)),
             );
             rows.extend(
                 traits
@@ -193,7 +193,8 @@ fn related(tree: &LabelTree, a: LabelId, b: LabelId) -> bool {
 /// Returns the angle at which a body leaves a rod of an unrelated label.
 fn insertion(
     tree: &LabelTree,
-    (id, body): (LabelId, &Body),
+    id: LabelId,
+    body: &Body,
     labels: &[Measured],
     options: &MeasureOptions,
 ) -> Option<Trait> {
@@ -207,7 +208,8 @@ fn insertion(
     let points = body.points.len() + rod.points.len();
     Some(Trait::new(
         "insertion_angle",
-        (angle, Dimension::Angle),
+        angle,
+        Dimension::Angle,
         definition,
         points,
     ))
@@ -245,11 +247,9 @@ impl Measured {
             .filter(|group| group.len() >= options.min_points)
         {
             progress.check()?;
-            let surface = (
-                group.iter().map(|&k| points[k]).collect(),
-                group.iter().map(|&k| areas[k]).sum(),
-            );
-            bodies.push(Body::new(surface, spacing, reach, progress)?);
+            let of_group = group.iter().map(|&k| points[k]).collect();
+            let area = group.iter().map(|&k| areas[k]).sum();
+            bodies.push(Body::new(of_group, area, spacing, reach, progress)?);
         }
         let (kept, bodies) = (
             bulk(&pieces, points.len()),
@@ -280,7 +280,7 @@ impl Measured {
     /// Traits that depend on other labels are not included.
     fn traits(&self) -> Vec<Vec<Trait>> {
         let count = |name, value: usize, definition, points| {
-            Trait::new(name, (value as f64, Dimension::Count), definition, points)
+            Trait::new(name, value as f64, Dimension::Count, definition, points)
         };
         let all = self.count;
         let mut whole = vec![

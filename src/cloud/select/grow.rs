@@ -5,8 +5,8 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
-use crate::points::Neighbours;
-use crate::{LabelledCloud, SceneError};
+use super::selector::Selector;
+use crate::SceneError;
 use ostra_core::job::Progress;
 use ostra_masks::{lab_of_pixel, squared_difference};
 
@@ -36,62 +36,65 @@ impl Default for Likeness {
     }
 }
 
-/// Adds the points that can be reached from `inside` over similar neighbours.
-///
-/// Normals are compared between neighbours, so they may turn gradually (Rabbani, van den Heuvel,
-/// Vosselman, Segmentation of point clouds using smoothness constraint, ISPRS 2006). Colours are
-/// compared with the starting point.
-pub(super) fn grow(
-    cloud: &LabelledCloud,
-    neighbours: &Neighbours,
-    spacing: f32,
-    likeness: &Likeness,
-    inside: &mut [bool],
-    progress: &Progress,
-) -> Result<(), SceneError> {
-    let sound = (0.0..=180.0).contains(&likeness.normal_deg) && likeness.color >= 0.0;
-    if !sound {
-        return Err(SceneError::Request(
-            "an angle goes from 0 to 180 degrees, a colour difference from 0 on".into(),
-        ));
-    }
-    let (least_cosine, most) = (
-        likeness.normal_deg.to_radians().cos(),
-        likeness.color * likeness.color,
-    );
-    let alike = |from: u32, seed: u32, to: usize| {
-        let (a, b) = (cloud.normals[from as usize], cloud.normals[to]);
-        let smooth = a == glam::Vec3::ZERO || b == glam::Vec3::ZERO || a.dot(b) >= least_cosine;
-        let (began, color) = (
-            lab_of_pixel(cloud.colors[seed as usize]),
-            lab_of_pixel(cloud.colors[to]),
+impl Selector {
+    /// Adds the points that can be reached from `inside` over similar neighbours.
+    ///
+    /// Normals are compared between neighbours, so they may turn gradually (Rabbani, van den Heuvel,
+    /// Vosselman, Segmentation of point clouds using smoothness constraint, ISPRS 2006). Colours are
+    /// compared with the starting point.
+    pub(super) fn grow(
+        &self,
+        likeness: &Likeness,
+        inside: &mut [bool],
+        progress: &Progress,
+    ) -> Result<(), SceneError> {
+        let (cloud, spacing) = (&self.cloud, self.spacing);
+        let sound = (0.0..=180.0).contains(&likeness.normal_deg) && likeness.color >= 0.0;
+        if !sound {
+            return Err(SceneError::Request(
+                "an angle goes from 0 to 180 degrees, a colour difference from 0 on".into(),
+            ));
+        }
+        let (least_cosine, most) = (
+            likeness.normal_deg.to_radians().cos(),
+            likeness.color * likeness.color,
         );
-        smooth && squared_difference(began, color) <= most
-    };
-    let mut front: Vec<(u32, u32)> = (0..cloud.len() as u32)
-        .filter(|&p| inside[p as usize])
-        .map(|p| (p, p))
-        .collect();
-    while !front.is_empty() {
-        progress.check()?;
-        let reached = |&(point, seed): &(u32, u32)| {
-            let near = neighbours.nearest_n(cloud.positions[point as usize], NEIGHBOURS);
-            let near = near
-                .into_iter()
-                .filter(|&(other, far)| far <= REACH * spacing && !inside[other]);
-            near.filter(|&(other, _)| alike(point, seed, other))
-                .map(|(other, _)| (other as u32, seed))
-                .collect()
+        let alike = |from: u32, seed: u32, to: usize| {
+            let (a, b) = (cloud.normals[from as usize], cloud.normals[to]);
+            let smooth = a == glam::Vec3::ZERO || b == glam::Vec3::ZERO || a.dot(b) >= least_cosine;
+            let (began, color) = (
+                lab_of_pixel(cloud.colors[seed as usize]),
+                lab_of_pixel(cloud.colors[to]),
+            );
+            smooth && squared_difference(began, color) <= most
         };
-        let found: Vec<Vec<(u32, u32)>> = front.par_iter().map(reached).collect();
-        front.clear();
-        for (point, seed) in found.into_iter().flatten() {
-            if !std::mem::replace(&mut inside[point as usize], true) {
-                front.push((point, seed));
+        let mut front: Vec<(u32, u32)> = (0..cloud.len() as u32)
+            .filter(|&p| inside[p as usize])
+            .map(|p| (p, p))
+            .collect();
+        while !front.is_empty() {
+            progress.check()?;
+            let reached = |&(point, seed): &(u32, u32)| {
+                let near = self
+                    .neighbours
+                    .nearest_n(cloud.positions[point as usize], NEIGHBOURS);
+                let near = near
+                    .into_iter()
+                    .filter(|&(other, far)| far <= REACH * spacing && !inside[other]);
+                near.filter(|&(other, _)| alike(point, seed, other))
+                    .map(|(other, _)| (other as u32, seed))
+                    .collect()
+            };
+            let found: Vec<Vec<(u32, u32)>> = front.par_iter().map(reached).collect();
+            front.clear();
+            for (point, seed) in found.into_iter().flatten() {
+                if !std::mem::replace(&mut inside[point as usize], true) {
+                    front.push((point, seed));
+                }
             }
         }
+        Ok(())
     }
-    Ok(())
 }
 
 /// Edge length of the cells that connect points, in spacings of the cloud.

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::eye::{Eye, seen_in};
-use super::grow::{Likeness, grow, pieces};
+use super::grow::{Likeness, pieces};
 use crate::points::Neighbours;
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
@@ -70,9 +70,9 @@ pub struct SeenRegion {
 /// A cloud that is prepared for selections.
 #[derive(Debug)]
 pub struct Selector {
-    cloud: Arc<LabelledCloud>,
-    neighbours: Neighbours,
-    spacing: f32,
+    pub(super) cloud: Arc<LabelledCloud>,
+    pub(super) neighbours: Neighbours,
+    pub(super) spacing: f32,
 }
 
 /// Selected points of a cloud.
@@ -171,16 +171,7 @@ impl Selector {
                 .iter_mut()
                 .zip(of(*label))
                 .for_each(|(inside, has)| *inside &= has),
-            SelectStep::Grow(likeness) => {
-                grow(
-                    &self.cloud,
-                    &self.neighbours,
-                    self.spacing,
-                    likeness,
-                    inside,
-                    progress,
-                )?;
-            }
+            SelectStep::Grow(likeness) => self.grow(likeness, inside, progress)?,
             SelectStep::Piece(rank) => {
                 let pieces = pieces(&self.cloud.positions, self.spacing, &indices(inside));
                 let piece = pieces.get(*rank).ok_or_else(|| {

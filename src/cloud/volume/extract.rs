@@ -119,7 +119,7 @@ impl Volume {
             let edges = crossings.edges(row);
             for x in lanes_in(u32::from(edges[0] | edges[1] | edges[2])) {
                 for axis in (0..3).filter(|&axis| edges[axis] >> x & 1 != 0) {
-                    self.vertices_on(&around, (row * EDGE + x, axis), &mut found);
+                    self.vertices_on(&around, row * EDGE + x, axis, &mut found);
                 }
             }
         }
@@ -130,7 +130,8 @@ impl Volume {
     fn vertices_on(
         &self,
         around: &NeighbourBlocks<'_>,
-        (voxel, axis): (usize, usize),
+        voxel: usize,
+        axis: usize,
         found: &mut Vertices,
     ) {
         let place = place_of(voxel);

@@ -116,7 +116,7 @@ impl NearBlocks<'_> {
             let [low, high] = self.blocks(ray, f32x8::new(depth));
             for lane in lanes_in(is_seen) {
                 let block = |ends: &[[i32; LANES]; 3]| IVec3::from_array(ends.map(|end| end[lane]));
-                places.add((block(&low), block(&high)));
+                places.add(block(&low), block(&high));
             }
         }
     }
@@ -170,7 +170,7 @@ impl Places {
     }
 
     /// Adds the blocks from the first to the last one along each axis.
-    fn add(&mut self, (first, last): (IVec3, IVec3)) {
+    fn add(&mut self, first: IVec3, last: IVec3) {
         if self.last == (first, last) {
             return;
         }

@@ -70,19 +70,31 @@ const REACH: usize = 3;
 /// Such a pixel is at a rim, where the continuation of the surface is unknown.
 const AT_A_RIM: f32 = 0.1;
 
+/// The decoded parts of a frame, all of one size.
+pub(super) struct DepthFrame<'a> {
+    pub(super) camera: &'a Camera,
+    pub(super) pose: &'a Pose,
+    pub(super) depth: &'a DepthMap,
+    pub(super) image: &'a Image,
+}
+
 impl Measured {
     /// Prepares a frame.
     ///
     /// `wanted` returns whether voxels are allocated near a pixel of the frame. `pixels` reuses the
     /// memory of an earlier frame.
     pub(super) fn new(
-        (camera, pose): (&Camera, &Pose),
-        depth: &DepthMap,
-        image: &Image,
+        frame: &DepthFrame<'_>,
         edge_tolerance: f32,
         wanted: impl Fn(usize) -> bool + Sync,
         mut pixels: Vec<Pixel>,
     ) -> Self {
+        let DepthFrame {
+            camera,
+            pose,
+            depth,
+            image,
+        } = *frame;
         let straight = straightened(camera);
         let (width, height) = (camera.width as usize, camera.height as usize);
         let (focal, principal) = (straight.focal_px.as_vec2(), straight.principal_px.as_vec2());

@@ -1,7 +1,7 @@
 //! Reconstruction of a mesh from frames: integration, extraction and component filtering.
 
 use super::extract::Raw;
-use super::measured::{Measured, Pixel};
+use super::measured::{DepthFrame, Measured, Pixel};
 use super::sparse_volume::{Volume, VolumeOptions};
 use crate::fuse::{Views, nearest_corner, readable};
 use crate::{LabelledCloud, LabelledMesh, SceneError};
@@ -151,10 +151,14 @@ fn load(
         Some(mask) => mask.ids.get(pixel).is_some_and(|&id| id != LabelId::NONE),
         None => !options.only_labelled,
     };
+    let frame = DepthFrame {
+        camera,
+        pose,
+        depth: &depth,
+        image: &image,
+    };
     Ok(Some(Measured::new(
-        (camera, pose),
-        &depth,
-        &image,
+        &frame,
         options.edge_tolerance,
         wanted,
         pixels,

@@ -1,4 +1,4 @@
-use ostra_cloud::conflicts::{frame_conflict, voted_mask};
+use ostra_cloud::conflicts::{MaskedFrame, frame_conflict, voted_mask};
 use ostra_cloud::fuse::Fused;
 use ostra_masks::{LabelId, LabelMask};
 
@@ -95,16 +95,13 @@ fn corrupted_masks_rank_first_and_the_vote_repairs_them() {
     assert_eq!(first, SPOILT, "{ranked:?}");
     assert!(ranked[4].1 > 2.0 * ranked[5].1, "clearly: {ranked:?}");
     for frame in SPOILT {
-        let depth = &plant.rendered.views[frame].depth;
-        let of = (frame, &plant.rendered.frames[frame]);
-        let mask = voted_mask(
-            (&fused.cloud, &fused.votes),
-            of,
-            Some(depth),
-            &plant.rendered.masks[frame],
-            &[],
-        )
-        .unwrap();
+        let masked = MaskedFrame {
+            number: frame,
+            frame: &plant.rendered.frames[frame],
+            depth: Some(&plant.rendered.views[frame].depth),
+            mask: &plant.rendered.masks[frame],
+        };
+        let mask = voted_mask(&fused.cloud, &fused.votes, &masked, &[]).unwrap();
         for label in [stem, leaf, plant.rendered.label("panicle")] {
             let iou = plant.iou(&mask, frame, label);
             assert!(iou >= 0.97, "frame {frame}, label {label:?}: {iou}");
@@ -125,15 +122,13 @@ fn single_label_is_repaired_on_a_frame_without_depth() {
         .filter(|id| **id == panicle)
         .for_each(|id| *id = LabelId::NONE);
     let fused = plant.rendered.fused();
-    let of = (4, &plant.rendered.frames[4]);
-    let mask = voted_mask(
-        (&fused.cloud, &fused.votes),
-        of,
-        None,
-        &plant.rendered.masks[4],
-        &[stem],
-    )
-    .unwrap();
+    let masked = MaskedFrame {
+        number: 4,
+        frame: &plant.rendered.frames[4],
+        depth: None,
+        mask: &plant.rendered.masks[4],
+    };
+    let mask = voted_mask(&fused.cloud, &fused.votes, &masked, &[stem]).unwrap();
     assert!(
         plant.iou(&mask, 4, stem) > 0.85,
         "{}",
@@ -142,14 +137,5 @@ fn single_label_is_repaired_on_a_frame_without_depth() {
     assert!(!mask.ids.contains(&panicle));
     let mut other = fused.votes.clone();
     other = other.select(&[0, 1]);
-    assert!(
-        voted_mask(
-            (&fused.cloud, &other),
-            of,
-            None,
-            &plant.rendered.masks[4],
-            &[]
-        )
-        .is_err()
-    );
+    assert!(voted_mask(&fused.cloud, &other, &masked, &[]).is_err());
 }

@@ -1,5 +1,6 @@
 use std::sync::Arc;
 
+use ostra_cloud::conflicts::MaskedFrame;
 use ostra_cloud::correct::SeeingPixels;
 use ostra_cloud::fuse::Fused;
 use ostra_cloud::select::{SelectStep, Selection, Selector};
@@ -33,7 +34,12 @@ fn seeing(
     let seeing = SeeingPixels::new(selector, &fused.votes, selection).unwrap();
     let region = |number: usize| {
         let depth = by_depth.then_some(&plant.views[number].depth);
-        seeing.in_frame((number, &plant.frames[number]), depth, &plant.masks[number])
+        seeing.in_frame(&MaskedFrame {
+            number,
+            frame: &plant.frames[number],
+            depth,
+            mask: &plant.masks[number],
+        })
     };
     (0..plant.frames.len()).map(region).collect()
 }

@@ -1,5 +1,5 @@
 use ostra_cloud::LabelledCloud;
-use ostra_cloud::fuse::{OntoOptions, SeenPoints, Votes, pixel_footprint, vote_seen};
+use ostra_cloud::fuse::{MaskVote, OntoOptions, SeenPoints, Votes, pixel_footprint, vote_seen};
 use ostra_cloud::points::Neighbours;
 use ostra_cloud::volume::{VolumeOptions, reconstruct_surface};
 use ostra_core::job::Progress;
@@ -51,9 +51,11 @@ fn thin_organs_survive_sensor_noise() {
     let voted = vote_seen(
         mesh.vertices.clone(),
         &SeenPoints::new(),
-        &sensed,
-        scene.tree(),
-        &onto,
+        &MaskVote {
+            views: &sensed,
+            tree: scene.tree(),
+            options: &onto,
+        },
         &progress,
     )
     .unwrap();

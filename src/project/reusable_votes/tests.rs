@@ -1,6 +1,6 @@
 use super::*;
 use crate::testing::{camera, frame, keyframe};
-use ostra_cloud::fuse::{OntoOptions, SeenPoints, vote_seen};
+use ostra_cloud::fuse::{MaskVote, OntoOptions, SeenPoints, vote_seen};
 use ostra_frames::FrameStore;
 
 const POINTS: usize = 9;
@@ -19,7 +19,12 @@ fn votes_of(frames: &[Frame]) -> Votes {
         ..OntoOptions::default()
     };
     let (seen, tree) = (SeenPoints::new(), crate::testing::project().labels);
-    vote_seen(cloud, &seen, &views, &tree, &options, &Progress::default())
+    let vote = MaskVote {
+        views: &views,
+        tree: &tree,
+        options: &options,
+    };
+    vote_seen(cloud, &seen, &vote, &Progress::default())
         .unwrap()
         .votes
 }

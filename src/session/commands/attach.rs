@@ -55,7 +55,7 @@ impl Correcting {
                 .iter_mut()
                 .zip(&mask.ids)
                 .for_each(|(inside, &id)| *inside &= id == LabelId::NONE);
-            split_mask(&votes, &choice, (frame, mask), region)
+            split_mask(&votes, &choice, frame, mask, region)
         };
         let frames: Vec<usize> = votes
             .frames()

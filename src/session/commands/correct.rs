@@ -10,6 +10,7 @@ use crate::Event;
 use crate::queries::without_depth;
 use crate::{CloudCorrection, Session};
 use crate::{JobCompletion, JobKind};
+use ostra_cloud::conflicts::MaskedFrame;
 use ostra_cloud::correct::SeeingPixels;
 use ostra_cloud::fuse::{Fused, ProjectViews, readable};
 use ostra_cloud::ply::{Coloring, save_ply};
@@ -240,7 +241,12 @@ impl Correcting {
             let mask = mask_of(project, number)?;
             let depth = readable(self.store.depth(frame).map_err(SceneError::from))?;
             let is_unreadable = depth.is_none();
-            let region = seeing.in_frame((number, frame), depth.flatten().as_deref(), &mask);
+            let region = seeing.in_frame(&MaskedFrame {
+                number,
+                frame,
+                depth: depth.flatten().as_deref(),
+                mask: &mask,
+            });
             unreadable.extend((is_unreadable && region.is_some()).then_some(frame.name.as_str()));
             let changed = region.and_then(|region| change(number, &mask, region));
             edits.extend(changed.and_then(|mask| {

@@ -11,7 +11,8 @@ use crate::Event;
 use crate::Session;
 use crate::{JobCompletion, JobKind};
 use ostra_cloud::fuse::{
-    ChosenVoxel, Dropped, FuseOptions, Fused, OntoOptions, ProjectViews, fuse, vote_onto, vote_seen,
+    ChosenVoxel, Dropped, FuseOptions, Fused, MaskVote, OntoOptions, ProjectViews, fuse, vote_onto,
+    vote_seen,
 };
 use ostra_cloud::ply::{Coloring, read_ply, save_ply};
 use ostra_core::job::JobId;
@@ -178,6 +179,11 @@ fn make_points(
         drop_unlabelled,
         ..OntoOptions::default()
     };
+    let vote = MaskVote {
+        views,
+        tree: &project.labels,
+        options: &onto,
+    };
     if let Some(path) = &request.onto {
         let mut given = read_ply(path, progress)?;
         // The project's origin was scaled with its cameras.
@@ -186,7 +192,7 @@ fn make_points(
         }
         given.cloud.move_origin(project.origin);
         given.warnings.extend(scale.warning.clone());
-        let mut fused = vote_onto(&given.cloud, views, &project.labels, &onto, progress)?;
+        let mut fused = vote_onto(&given.cloud, &vote, progress)?;
         fused.report.warnings.splice(0..0, given.warnings);
         return Ok(fused);
     }
@@ -194,7 +200,7 @@ fn make_points(
         let (cloud, voxel, unreadable) =
             dense_cloud(views.store, root, project, version, request.voxel, progress)?;
         let (points, seen) = cloud.into_points();
-        let mut fused = vote_seen(points, &seen, views, &project.labels, &onto, progress)?;
+        let mut fused = vote_seen(points, &seen, &vote, progress)?;
         fused.report.voxel = voxel.unwrap_or_default();
         fused.report.warnings.extend(unreadable);
         if has_stale_depths(project) {

@@ -79,7 +79,7 @@ fn split_masks(
     for (done, (&frame, mask)) in project.masks.iter().enumerate() {
         progress.step(done, project.masks.len())?;
         let pixels = mask.runs.decode();
-        let Some(split) = split_mask(votes, choice, (frame, &pixels), pixels.region(label)) else {
+        let Some(split) = split_mask(votes, choice, frame, &pixels, pixels.region(label)) else {
             continue;
         };
         let runs = RunMask::encode(&split);

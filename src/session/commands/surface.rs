@@ -3,7 +3,9 @@ use std::sync::Arc;
 
 use anyhow::Result;
 
-use ostra_cloud::fuse::{Coverage, OntoOptions, ProjectViews, SeenPoints, Votes, vote_seen};
+use ostra_cloud::fuse::{
+    Coverage, MaskVote, OntoOptions, ProjectViews, SeenPoints, Votes, vote_seen,
+};
 use ostra_cloud::ply::{Coloring, save_mesh};
 use ostra_cloud::volume::{VolumeOptions, reconstruct_surface};
 use ostra_cloud::{LabelledMesh, SceneError};
@@ -169,14 +171,12 @@ impl Sources<'_> {
             min_confidence,
             ..OntoOptions::default()
         };
-        let voted = vote_seen(
-            mesh.vertices,
-            &SeenPoints::new(),
+        let vote = MaskVote {
             views,
-            &self.project.labels,
-            &onto,
-            progress,
-        )?;
+            tree: &self.project.labels,
+            options: &onto,
+        };
+        let voted = vote_seen(mesh.vertices, &SeenPoints::new(), &vote, progress)?;
         let mesh = LabelledMesh {
             vertices: voted.cloud,
             triangles: mesh.triangles,

@@ -46,9 +46,11 @@ fn cloud_occludes_itself_in_frames_without_depth() {
     };
     let fused = vote_onto(
         &bare,
-        &scene,
-        &tree(),
-        &OntoOptions::default(),
+        &MaskVote {
+            views: &scene,
+            tree: &tree(),
+            options: &OntoOptions::default(),
+        },
         &Progress::default(),
     )
     .unwrap();
@@ -86,9 +88,11 @@ fn frame_with_known_pixels_votes_only_in_them() {
     let fused = vote_seen(
         cloud.clone(),
         &seen,
-        &scene,
-        &tree(),
-        &OntoOptions::default(),
+        &MaskVote {
+            views: &scene,
+            tree: &tree(),
+            options: &OntoOptions::default(),
+        },
         &Progress::default(),
     )
     .unwrap();
