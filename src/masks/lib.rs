@@ -81,7 +81,7 @@ pub mod unexplained;
 pub use components::{Components, Connectivity, components};
 pub use distance::{deepest_point, landmarks, squared_depth_in, squared_distance_to};
 pub use edit::{
-    ElasticBorders, LabelAnswer, PaintRule, Pull, ShapeBlend, assign, compose, erase,
+    BorderDrag, ElasticBorders, LabelAnswer, PaintRule, Pull, ShapeBlend, assign, compose, erase,
     fill_polygons, hold, nearer_part, polygon_spans, pull, snapped_stroke, stroke, taken_by_others,
     tidy, transfer,
 };

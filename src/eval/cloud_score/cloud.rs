@@ -89,10 +89,9 @@ pub fn score_cloud(
         .ok_or_else(empty)?;
     let to_result = distances(&truth.cloud.positions, &in_result, progress)?;
     let to_truth = distances(&result.positions, &in_truth, progress)?;
-    let clouds = (truth.all.as_slice(), result.positions.as_slice());
     let in_depth = match &options.images {
-        Some(views) => differences_by_features(clouds, views, progress)?,
-        None => differences_by_guess(clouds, &options.cameras, progress)?,
+        Some(views) => differences_by_features(&truth.all, &result.positions, views, progress)?,
+        None => differences_by_guess(&truth.all, &result.positions, &options.cameras, progress)?,
     };
     let has_cameras = options.images.is_some() || !options.cameras.is_empty();
     let first = options.within.first().copied().unwrap_or(f64::INFINITY);

@@ -27,7 +27,8 @@ const RESULT_HIDES_PX: usize = 1;
 /// Returns [`SceneError::Request`] if no image shows a ground truth point, and
 /// [`SceneError::Stopped`] if stopped.
 pub(super) fn differences_by_features(
-    (truth, result): (&[Vec3], &[Vec3]),
+    truth: &[Vec3],
+    result: &[Vec3],
     views: &FeatureViews,
     progress: &Progress,
 ) -> Result<Vec<f32>, SceneError> {
@@ -60,7 +61,8 @@ pub(super) fn differences_by_features(
 /// too sparse to occlude each other, so result points in front occlude them too. A result point
 /// that floats in front of a surface is therefore not detected by that surface.
 pub(super) fn differences_by_guess(
-    (truth, result): (&[Vec3], &[Vec3]),
+    truth: &[Vec3],
+    result: &[Vec3],
     cameras: &[FrameCamera],
     progress: &Progress,
 ) -> Result<Vec<f32>, SceneError> {
@@ -365,7 +367,7 @@ mod tests {
         let mut result: Vec<Vec3> = row(2.01).chain(row(3.5)).collect();
         let differences = |result: &[Vec3]| {
             let mut all =
-                differences_by_guess((&truth, result), &[camera], &Progress::default()).unwrap();
+                differences_by_guess(&truth, result, &[camera], &Progress::default()).unwrap();
             all.sort_by(f32::total_cmp);
             all
         };
@@ -396,7 +398,8 @@ mod tests {
             let result = [Vec3::new(aside_px * 2.0 / 1000.0, 0.0, 2.0)];
             let camera = camera((1280, 960), 1000.0, 0.0);
             differences_by_guess(
-                (&[Vec3::new(0.0, 0.0, 2.0)], &result),
+                &[Vec3::new(0.0, 0.0, 2.0)],
+                &result,
                 &[camera],
                 &Progress::default(),
             )
@@ -446,7 +449,7 @@ mod tests {
     fn features_determine_visible_points() {
         let (truth, views) = views(0.1);
         let differences = |result: Vec3| {
-            differences_by_features((&truth, &[result]), &views, &Progress::default()).unwrap()
+            differences_by_features(&truth, &[result], &views, &Progress::default()).unwrap()
         };
         let on_it = differences(Vec3::new(0.0, 0.0, 2.001));
         assert!(
@@ -462,12 +465,9 @@ mod tests {
             differences(Vec3::new(0.5, 0.0, 2.001)).is_empty(),
             "two images may agree by chance"
         );
-        let behind = differences_by_features(
-            (&truth, &[truth[0], truth[1]]),
-            &views,
-            &Progress::default(),
-        )
-        .unwrap();
+        let behind =
+            differences_by_features(&truth, &[truth[0], truth[1]], &views, &Progress::default())
+                .unwrap();
         assert!(
             are(&behind, &[0.0; 3]),
             "what lies behind is not taken for seen: {behind:?}"
@@ -478,7 +478,7 @@ mod tests {
     fn images_from_one_direction_are_rejected() {
         let (truth, views) = views(0.01);
         let refused =
-            differences_by_features((&truth, &truth), &views, &Progress::default()).unwrap_err();
+            differences_by_features(&truth, &truth, &views, &Progress::default()).unwrap_err();
         assert!(refused.to_string().contains("4 images"), "{refused}");
     }
 }

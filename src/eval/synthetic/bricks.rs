@@ -1,6 +1,6 @@
 use std::collections::{BTreeMap, BTreeSet};
 
-use glam::{DQuat, DVec3, IVec3, Vec3};
+use glam::{DQuat, DVec3, IVec2, IVec3, Vec3};
 
 use super::material::Material;
 use super::mesh::Mesh;
@@ -16,7 +16,7 @@ const WHEEL_HALF_WIDTH_M: f64 = 0.008;
 const CLEARANCE_M: f64 = 0.014;
 
 /// Studs of the car: across and along.
-const CAR_STUDS: (i32, i32) = (4, 10);
+const CAR_STUDS: IVec2 = IVec2::new(4, 10);
 /// Studs of the bonnet and of the boot, along the car.
 const BONNET_STUDS: i32 = 3;
 
@@ -31,7 +31,7 @@ pub(super) fn build_bricks(seed: u64) -> Assembly {
     let whole = assembly.label("toys", None);
     let [car, wheel, figure] =
         ["car", "wheel", "figure"].map(|name| assembly.label(name, Some(whole)));
-    add_car(&mut assembly, (car, wheel), &mut dice);
+    add_car(&mut assembly, car, wheel, &mut dice);
     add_loose_wheels(&mut assembly, wheel, &mut dice);
     add_figure(&mut assembly, figure, &mut dice);
     add_surroundings(&mut assembly, 0.0, &mut Dice::new(seed, 4));
@@ -39,15 +39,18 @@ pub(super) fn build_bricks(seed: u64) -> Assembly {
 }
 
 /// Adds chassis, bonnet, cabin and boot, and a wheel at each corner.
-fn add_car(assembly: &mut Assembly, (class, wheel): (LabelId, LabelId), dice: &mut Dice) {
+fn add_car(assembly: &mut Assembly, class: LabelId, wheel: LabelId, dice: &mut Dice) {
     let turn = DQuat::from_rotation_z(dice.range(-0.12, 0.12));
     let place = DVec3::new(
         -0.045 + dice.range(-0.006, 0.006),
         dice.range(-0.01, 0.01),
         CLEARANCE_M,
     );
-    let (across, along) = CAR_STUDS;
-    let mut toy = Toy::new(place, turn, (across, along));
+    let IVec2 {
+        x: across,
+        y: along,
+    } = CAR_STUDS;
+    let mut toy = Toy::new(place, turn, CAR_STUDS);
     let instance = assembly.label("car 1", Some(class));
     let cabin_end = along - BONNET_STUDS;
     for (name, color, low, high) in [
@@ -80,27 +83,42 @@ fn add_car(assembly: &mut Assembly, (class, wheel): (LabelId, LabelId), dice: &m
     let corners = [(-side, -axle), (side, -axle), (-side, axle), (side, axle)];
     for (k, (x, y)) in corners.into_iter().enumerate() {
         let above_table = WHEEL_RADIUS_M - CLEARANCE_M;
-        let centre = place + turn * DVec3::new(x, y, above_table);
-        add_wheel(assembly, (wheel, k + 1), centre, turn * DVec3::X, dice);
+        let part = Wheel {
+            number: k + 1,
+            centre: place + turn * DVec3::new(x, y, above_table),
+            axis: turn * DVec3::X,
+        };
+        add_wheel(assembly, wheel, &part, dice);
     }
 }
 
 /// Adds two wheels that lie flat in front of the toys.
 fn add_loose_wheels(assembly: &mut Assembly, class: LabelId, dice: &mut Dice) {
-    for (k, x, y) in [(5, -0.145, -0.075), (6, 0.060, -0.115)] {
+    for (number, x, y) in [(5, -0.145, -0.075), (6, 0.060, -0.115)] {
         let jitter = DVec3::new(dice.range(-0.006, 0.006), dice.range(-0.006, 0.006), 0.0);
-        let centre = DVec3::new(x, y, WHEEL_HALF_WIDTH_M) + jitter;
-        add_wheel(assembly, (class, k), centre, DVec3::Z, dice);
+        let part = Wheel {
+            number,
+            centre: DVec3::new(x, y, WHEEL_HALF_WIDTH_M) + jitter,
+            axis: DVec3::Z,
+        };
+        add_wheel(assembly, class, &part, dice);
     }
 }
 
-fn add_wheel(
-    assembly: &mut Assembly,
-    (class, number): (LabelId, usize),
+/// A wheel of the car, mounted or loose.
+struct Wheel {
+    number: usize,
     centre: DVec3,
+    /// Unit vector along the axle.
     axis: DVec3,
-    dice: &mut Dice,
-) {
+}
+
+fn add_wheel(assembly: &mut Assembly, class: LabelId, wheel: &Wheel, dice: &mut Dice) {
+    let Wheel {
+        number,
+        centre,
+        axis,
+    } = *wheel;
     let id = assembly.label(&format!("wheel {number}"), Some(class));
     let mesh = Mesh::cylinder(centre, axis, WHEEL_RADIUS_M, WHEEL_HALF_WIDTH_M, 48);
     record_volume(assembly, id, std::slice::from_ref(&mesh));
@@ -115,7 +133,7 @@ fn add_figure(assembly: &mut Assembly, class: LabelId, dice: &mut Dice) {
         0.045 + dice.range(-0.01, 0.01),
         0.0,
     );
-    let mut toy = Toy::new(place, turn, (4, 2));
+    let mut toy = Toy::new(place, turn, IVec2::new(4, 2));
     let instance = assembly.label("figure 1", Some(class));
     for (name, color, low, high) in [
         ("legs", [0.14, 0.24, 0.62], [1, 0, 0], [3, 2, 3]),
@@ -159,8 +177,8 @@ impl Toy {
     /// Creates a toy whose footprint of `studs` (across, away) is centred on `place`.
     ///
     /// `turn` is a rotation about the vertical.
-    pub(super) fn new(place: DVec3, turn: DQuat, studs: (i32, i32)) -> Self {
-        let half = DVec3::new(f64::from(studs.0), f64::from(studs.1), 0.0) * 0.5 * PITCH_M;
+    pub(super) fn new(place: DVec3, turn: DQuat, studs: IVec2) -> Self {
+        let half = DVec3::new(f64::from(studs.x), f64::from(studs.y), 0.0) * 0.5 * PITCH_M;
         Self {
             origin: place - turn * half,
             turn,
@@ -266,11 +284,12 @@ fn record_volume(assembly: &mut Assembly, id: LabelId, meshes: &[Mesh]) {
         .iter()
         .flat_map(|mesh| mesh.positions.iter().copied())
         .collect();
-    let volume = (hull_volume(&all), Dimension::Volume);
+    let volume = hull_volume(&all);
     assembly.record(
         id,
         "hull_volume",
         volume,
+        Dimension::Volume,
         "volume of the convex hull of the whole surface",
     );
 }

@@ -2,7 +2,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DVec2, DVec3};
 
-use super::mesh::{Curve, Mesh, smoothstep};
+use super::mesh::{Bend, Curve, Mesh, smoothstep};
 use super::noise::Dice;
 use ostra_core::statistics::upper_median;
 
@@ -51,7 +51,7 @@ impl Culm {
 
     pub(super) fn mesh(&self) -> Mesh {
         let rows = (self.curve.length_m() / 0.0015).ceil() as usize;
-        let mut mesh = Mesh::tube(&self.curve, (rows, Self::SIDES), |at| self.radius(at));
+        let mut mesh = Mesh::tube(&self.curve, rows, Self::SIDES, |at| self.radius(at));
         mesh.append(self.cap());
         mesh
     }
@@ -60,7 +60,7 @@ impl Culm {
     fn cap(&self) -> Mesh {
         let end = self.curve.end();
         let radius = self.radius(end.at_m);
-        Mesh::patch((1, Self::SIDES), true, |r, c| {
+        Mesh::patch(1, Self::SIDES, true, |r, c| {
             let angle = TAU * c as f64 / Self::SIDES as f64;
             let ring = radius * (1.0 - r as f64) * (angle.cos() * end.side + angle.sin() * end.up);
             let uv = DVec2::new(angle * radius, end.at_m + 0.0005 * r as f64);
@@ -99,7 +99,7 @@ impl Sheath {
 
     pub(super) fn mesh(&self, culm: &Culm) -> Mesh {
         let rows = (self.length_m() / 0.0015).ceil() as usize;
-        Mesh::patch((rows, 30), false, |r, c| {
+        Mesh::patch(rows, 30, false, |r, c| {
             let turn = (c as f64 / 30.0 - 0.5) * (TAU + Self::OVERLAP);
             // The rim slopes down towards the opening opposite the blade.
             let reach = self.length_m() - 0.004 * 0.5 * (1.0 - (turn.clamp(-PI, PI)).cos());
@@ -160,9 +160,11 @@ impl Blade {
         let side = collar.tangent.cross(outward);
         let midrib = Curve::turning(
             collar.x + radius * outward,
-            from,
-            to,
-            1.35,
+            Bend {
+                from,
+                to,
+                power: 1.35,
+            },
             plan.length_m,
             side,
         );
@@ -182,7 +184,7 @@ impl Blade {
 
     pub(super) fn mesh(&self) -> Mesh {
         let (rows, columns) = ((self.plan.length_m / 0.0025).ceil() as usize, 10);
-        Mesh::patch((rows, columns), false, |r, c| {
+        Mesh::patch(rows, columns, false, |r, c| {
             let share = r as f64 / rows as f64;
             let station = self.midrib.at(share * self.plan.length_m);
             let across = (c as f64 / columns as f64 - 0.5) * self.width(share);

@@ -17,7 +17,8 @@ impl Mesh {
     /// `vertex(r, c)` returns the corners for `r ≤ rows` and `c ≤ columns`. With `around`, the last
     /// column coincides with the first. Normals point along (column direction) × (row direction).
     pub(super) fn patch(
-        (rows, columns): (usize, usize),
+        rows: usize,
+        columns: usize,
         around: bool,
         vertex: impl Fn(usize, usize) -> (DVec3, Vec2),
     ) -> Self {
@@ -63,10 +64,11 @@ impl Mesh {
     /// `radius` maps an arc length to a radius, both in metres.
     pub(super) fn tube(
         curve: &Curve,
-        (rows, columns): (usize, usize),
+        rows: usize,
+        columns: usize,
         radius: impl Fn(f64) -> f64,
     ) -> Self {
-        Self::patch((rows, columns), true, |r, c| {
+        Self::patch(rows, columns, true, |r, c| {
             let station = curve.at(curve.length_m() * r as f64 / rows as f64);
             let angle = std::f64::consts::TAU * c as f64 / columns as f64;
             let radius = radius(station.at_m);
@@ -89,7 +91,7 @@ impl Mesh {
             let step = (pair[1].0 - pair[0].0).hypot(pair[1].1 - pair[0].1);
             along.push(along.last().copied().unwrap_or(0.0) + step);
         }
-        Self::patch((profile.len() - 1, columns), true, |r, c| {
+        Self::patch(profile.len() - 1, columns, true, |r, c| {
             let angle = std::f64::consts::TAU * c as f64 / columns as f64;
             let (radius, height) = profile[r];
             let x = centre + DVec3::new(radius * angle.cos(), radius * angle.sin(), height);
@@ -109,7 +111,7 @@ impl Mesh {
     ) -> Self {
         let (rows, columns) = (14, 12);
         let (side, up) = axis.any_orthonormal_pair();
-        Self::patch((rows, columns), true, |r, c| {
+        Self::patch(rows, columns, true, |r, c| {
             let latitude = std::f64::consts::PI * (r as f64 / rows as f64 - 0.5);
             let angle = std::f64::consts::TAU * c as f64 / columns as f64;
             let ring = half_width_m * latitude.cos() * (angle.cos() * side + angle.sin() * up);
@@ -150,7 +152,7 @@ impl Mesh {
 
     /// Creates a flat parallelogram from a corner and two edges; its normal is `along_u × along_v`.
     pub(super) fn quad(origin: DVec3, along_u: DVec3, along_v: DVec3) -> Self {
-        Self::patch((1, 1), false, |r, c| {
+        Self::patch(1, 1, false, |r, c| {
             let (u, v) = (c as f64, r as f64);
             let uv = Vec2::new((u * along_u.length()) as f32, (v * along_v.length()) as f32);
             (origin + u * along_u + v * along_v, uv)
@@ -204,6 +206,17 @@ pub(super) struct Station {
     pub(super) up: DVec3,
 }
 
+/// How the direction of a [`Curve`] turns along its length.
+///
+/// At the share `t` of the length, the direction has turned by the share `t^power` of the great
+/// circle from `from` to `to`. Both are unit vectors and not opposite.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bend {
+    pub(super) from: DVec3,
+    pub(super) to: DVec3,
+    pub(super) power: f64,
+}
+
 /// The centre line of an organ: a fine polyline with a frame of minimum rotation.
 #[derive(Debug, Clone)]
 pub(super) struct Curve {
@@ -213,18 +226,9 @@ pub(super) struct Curve {
 impl Curve {
     const STEPS: usize = 160;
 
-    /// Creates a curve from `start`, `length_m` long, that turns from `from` to `to`.
-    ///
-    /// Both are unit vectors and not opposite. At the share `t` of the length, the direction has
-    /// turned by the share `t^power` of the great circle between them.
-    pub(super) fn turning(
-        start: DVec3,
-        from: DVec3,
-        to: DVec3,
-        power: f64,
-        length_m: f64,
-        side: DVec3,
-    ) -> Self {
+    /// Creates a curve from `start`, `length_m` long, that turns according to `bend`.
+    pub(super) fn turning(start: DVec3, bend: Bend, length_m: f64, side: DVec3) -> Self {
+        let Bend { from, to, power } = bend;
         let turn = DQuat::from_rotation_arc(from, to);
         let direction = |t: f64| DQuat::IDENTITY.slerp(turn, t.powf(power)) * from;
         let step = length_m / Self::STEPS as f64;

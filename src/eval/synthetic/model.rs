@@ -102,10 +102,11 @@ impl Assembly {
         &mut self,
         id: LabelId,
         name: &'static str,
-        value: (f64, Dimension),
+        value: f64,
+        dimension: Dimension,
         definition: &'static str,
     ) {
-        self.record_whole(id, name, value, definition);
+        self.record_whole(id, name, value, dimension, definition);
         self.traits
             .iter_mut()
             .last()
@@ -118,7 +119,8 @@ impl Assembly {
         &mut self,
         id: LabelId,
         name: &'static str,
-        (value, dimension): (f64, Dimension),
+        value: f64,
+        dimension: Dimension,
         definition: &'static str,
     ) {
         let label = self

@@ -1,6 +1,6 @@
 use glam::{DQuat, DVec3};
 
-use super::mesh::{Curve, Mesh, Station};
+use super::mesh::{Bend, Curve, Mesh, Station};
 use super::noise::Dice;
 
 /// Length of a grain, a spheroid of 7 × 3 mm.
@@ -38,9 +38,11 @@ impl Panicle {
         let to = tip.cos() * level + tip.sin() * DVec3::Z;
         let rachis = Curve::turning(
             neck.x,
-            neck.tangent,
-            to,
-            1.6,
+            Bend {
+                from: neck.tangent,
+                to,
+                power: 1.6,
+            },
             dice.range(0.150, 0.170),
             neck.side,
         );
@@ -107,10 +109,10 @@ impl Panicle {
         let neck = self.neck_radius_m;
         let rachis_radius =
             |at: f64| 0.0010 - 0.0006 * at / length + (neck - 0.0010) * (-(at / 0.004)).exp();
-        let mut mesh = Mesh::tube(&self.rachis, (100, 10), rachis_radius);
+        let mut mesh = Mesh::tube(&self.rachis, 100, 10, rachis_radius);
         for branch in &self.branches {
             let length = branch.length_m();
-            mesh.append(Mesh::tube(branch, (24, 6), |at| {
+            mesh.append(Mesh::tube(branch, 24, 6, |at| {
                 0.000_45 - 0.000_2 * at / length
             }));
         }
@@ -118,13 +120,15 @@ impl Panicle {
             let along = (to - from).normalize_or(DVec3::Z);
             let curve = Curve::turning(
                 from,
-                along,
-                along,
-                1.0,
+                Bend {
+                    from: along,
+                    to: along,
+                    power: 1.0,
+                },
                 (to - from).length(),
                 along.any_orthonormal_vector(),
             );
-            mesh.append(Mesh::tube(&curve, (1, 5), |_| 0.000_25));
+            mesh.append(Mesh::tube(&curve, 1, 5, |_| 0.000_25));
         }
         mesh
     }
@@ -144,9 +148,11 @@ fn branch(rachis: &Curve, k: usize, dice: &mut Dice) -> Curve {
     let length = 0.062 - 0.026 * share + dice.range(-0.006, 0.006);
     Curve::turning(
         station.x,
-        from,
-        to,
-        1.0,
+        Bend {
+            from,
+            to,
+            power: 1.0,
+        },
         length,
         station.tangent.cross(outward),
     )
@@ -161,17 +167,28 @@ impl Grain {
         segment_distance(self.capsule(), other.capsule()) > GRAIN_WIDTH_M + GAP_M + 1e-5
     }
 
-    fn capsule(&self) -> (DVec3, DVec3) {
+    /// Returns the axis of the capsule around the grain.
+    fn capsule(&self) -> Segment {
         let half = 0.5 * (GRAIN_LENGTH_M - GRAIN_WIDTH_M) * self.axis;
-        (self.centre - half, self.centre + half)
+        Segment {
+            start: self.centre - half,
+            end: self.centre + half,
+        }
     }
+}
+
+/// A line segment.
+#[derive(Clone, Copy)]
+struct Segment {
+    start: DVec3,
+    end: DVec3,
 }
 
 /// Returns the distance between two segments.
 ///
 /// Source: Ericson, "Real-Time Collision Detection", 2005, section 5.1.9.
-fn segment_distance((p0, p1): (DVec3, DVec3), (q0, q1): (DVec3, DVec3)) -> f64 {
-    let (d, e, r) = (p1 - p0, q1 - q0, p0 - q0);
+fn segment_distance(p: Segment, q: Segment) -> f64 {
+    let (d, e, r) = (p.end - p.start, q.end - q.start, p.start - q.start);
     let (a, b, c, f, g) = (d.dot(d), d.dot(e), d.dot(r), e.dot(e), e.dot(r));
     let denominator = a * f - b * b;
     let s = if denominator > 1e-18 {

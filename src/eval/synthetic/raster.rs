@@ -141,7 +141,7 @@ impl<'a> Raster<'a> {
             };
             for row in span(facet.low.y, facet.high.y, first, count) {
                 for column in span(facet.low.x, facet.high.x, 0, columns) {
-                    let ray = self.ray((column as u32, first + row as u32), samples);
+                    let ray = self.ray(column as u32, first + row as u32, samples);
                     let at = row * columns + column;
                     if let Some(depth) = facet.depth(ray).filter(|&depth| depth < hits.depths[at]) {
                         hits.triangles[at] = triangle;
@@ -154,7 +154,7 @@ impl<'a> Raster<'a> {
     }
 
     /// Returns the direction (z = 1) through a sample in camera space.
-    pub(super) fn ray(&self, (column, row): (u32, u32), samples: u32) -> DVec3 {
+    pub(super) fn ray(&self, column: u32, row: u32, samples: u32) -> DVec3 {
         let at_px = DVec2::new(f64::from(column) + 0.5, f64::from(row) + 0.5) / f64::from(samples);
         self.camera.unproject(at_px).extend(1.0)
     }

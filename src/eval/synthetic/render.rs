@@ -100,7 +100,7 @@ impl Painter<'_> {
                 };
                 let triangles = ALL.map(|sample| hits.triangles[hit(sample)]);
                 out.colors
-                    .push(encoded(self.pixel(triangles, (column, rows.start + row))));
+                    .push(encoded(self.pixel(triangles, column, rows.start + row)));
                 let centre = hit((SAMPLES / 2, SAMPLES / 2));
                 let triangle = hits.triangles[centre];
                 let seen = triangle != NOTHING;
@@ -120,7 +120,7 @@ impl Painter<'_> {
     }
 
     /// Returns the linear RGB of a pixel whose samples hit these triangles.
-    fn pixel(&self, triangles: [u32; 9], (column, row): (u32, u32)) -> Vec3 {
+    fn pixel(&self, triangles: [u32; 9], column: u32, row: u32) -> Vec3 {
         let part = |triangle: u32| {
             (triangle != NOTHING).then(|| self.model.appearance_of[triangle as usize])
         };
@@ -136,16 +136,16 @@ impl Painter<'_> {
                 last = (triangle, self.raster.facet(triangle));
             }
             if let Some(facet) = &last.1 {
-                sum += self.shade(facet, triangle, (column * SAMPLES + x, row * SAMPLES + y));
+                sum += self.shade(facet, triangle, column * SAMPLES + x, row * SAMPLES + y);
             }
         }
         sum / shaded.len() as f32
     }
 
-    /// Returns the linear RGB of a sample.
-    fn shade(&self, facet: &Facet, triangle: u32, sample: (u32, u32)) -> Vec3 {
+    /// Returns the linear RGB of the sample at this column and row.
+    fn shade(&self, facet: &Facet, triangle: u32, column: u32, row: u32) -> Vec3 {
         let model = self.model;
-        let shares = facet.shares(self.raster.ray(sample, SAMPLES));
+        let shares = facet.shares(self.raster.ray(column, row, SAMPLES));
         let corners = model.triangles[triangle as usize].map(|v| v as usize);
         let (mut x, mut normal, mut uv) = (glam::DVec3::ZERO, Vec3::ZERO, glam::Vec2::ZERO);
         for (corner, share) in corners.into_iter().zip(shares) {

@@ -19,7 +19,7 @@ use ostra_masks::{Label, LabelId, LabelTree};
 pub struct Scene {
     options: SceneOptions,
     pub(super) model: Model,
-    light: Light,
+    pub(super) light: Light,
     pub(super) views: Vec<View>,
     tree: LabelTree,
     traits: Vec<TraitRow>,
@@ -143,7 +143,6 @@ impl Scene {
         options: &TruthOptions,
         progress: &Progress,
     ) -> Result<LabelledCloud, SceneError> {
-        let scene = (&self.model, &self.light, &self.tree);
-        exact_cloud(scene, (&self.views, self.options.seed), options, progress)
+        exact_cloud(self, options, progress)
     }
 }

@@ -2,7 +2,7 @@ use glam::{DVec3, Vec2};
 
 use super::culm::{Blade, BladePlan, Culm, Sheath};
 use super::material::Material;
-use super::mesh::{Curve, Mesh};
+use super::mesh::{Bend, Curve, Mesh};
 use super::model::Assembly;
 use super::noise::{Dice, fractal_noise};
 use super::panicle::Panicle;
@@ -41,18 +41,23 @@ pub(super) fn build_tiller(seed: u64) -> Assembly {
         .flat_map(|shoot| shoot.leaves.iter().map(move |grown| (shoot, grown)));
     for (k, (shoot, grown)) in leaves.enumerate() {
         let id = assembly.label(&format!("leaf {}", k + 1), Some(leaf));
-        let part_ids = ["blade", "sheath"]
+        let [blade, sheath] = ["blade", "sheath"]
             .map(|part| assembly.label(&format!("leaf {} {part}", k + 1), Some(id)));
         let meshes = [grown.blade.mesh(), grown.sheath.mesh(&shoot.culm)];
         let areas_m2 = [meshes[0].area_m2(), meshes[1].area_m2() * Sheath::VISIBLE];
-        add_leaf_traits(&mut assembly, (id, part_ids), (shoot, grown), areas_m2);
+        let labels = LeafLabels {
+            leaf: id,
+            blade,
+            sheath,
+        };
+        add_leaf_traits(&mut assembly, &labels, shoot, grown, areas_m2);
         let materials = [
             Material::Blade {
                 length_m: grown.plan.length_m as f32,
             },
             Material::Sheath,
         ];
-        for ((id, mesh), material) in part_ids.into_iter().zip(meshes).zip(materials) {
+        for ((id, mesh), material) in [blade, sheath].into_iter().zip(meshes).zip(materials) {
             assembly.add(id, material, textures.texture_seed(), mesh);
         }
     }
@@ -73,7 +78,7 @@ fn add_panicle(assembly: &mut Assembly, id: LabelId, panicle: &Panicle, textures
         all.append(mesh.clone());
         assembly.add(grains, Material::Grain, textures.texture_seed(), mesh);
     }
-    add_panicle_traits(assembly, id, (grains, panicle.grains.len()), &all);
+    add_panicle_traits(assembly, id, grains, panicle.grains.len(), &all);
 }
 
 /// A culm with its leaves.
@@ -161,9 +166,11 @@ impl Shoot {
         let side = from.cross(DVec3::Y).normalize();
         let curve = Curve::turning(
             outward * dice.range(0.012, 0.016),
-            from,
-            to,
-            1.0,
+            Bend {
+                from,
+                to,
+                power: 1.0,
+            },
             length,
             side,
         );
@@ -216,76 +223,97 @@ fn add_stem_traits(assembly: &mut Assembly, id: LabelId, culm: &Culm) {
     assembly.record(
         id,
         "length",
-        (length, Length),
+        length,
+        Length,
         "length of the culm's axis from the soil to its upper end",
     );
     assembly.record(
         id,
         "diameter",
-        (culm.median_diameter_m(), Length),
+        culm.median_diameter_m(),
+        Length,
         "median diameter along the culm's axis",
     );
 }
 
-/// Adds the traits of a leaf; `ids` and `areas_m2` are those of blade and sheath.
+/// The labels of a leaf and its parts.
+struct LeafLabels {
+    leaf: LabelId,
+    blade: LabelId,
+    sheath: LabelId,
+}
+
+/// Adds the traits of a leaf; `areas_m2` are those of blade and sheath.
 fn add_leaf_traits(
     assembly: &mut Assembly,
-    (id, ids): (LabelId, [LabelId; 2]),
-    (shoot, leaf): (&Shoot, &Leaf),
+    labels: &LeafLabels,
+    shoot: &Shoot,
+    leaf: &Leaf,
     areas_m2: [f64; 2],
 ) {
+    let LeafLabels {
+        leaf: id,
+        blade,
+        sheath,
+    } = *labels;
     let [length, sheath_length] = [leaf.plan.length_m, leaf.sheath.length_m()];
     let whole = length + sheath_length;
     assembly.record(
         id,
         "length",
-        (whole, Length),
+        whole,
+        Length,
         "length along sheath and midrib from node to tip",
     );
     let whole = areas_m2[0] + areas_m2[1];
     assembly.record(
         id,
         "area",
-        (whole, Area),
+        whole,
+        Area,
         "one-sided area of blade and sheath, the sheath's overlap counted once",
     );
-    let [blade, sheath] = ids;
     let width = leaf.blade.mean_width_m();
     assembly.record(
         blade,
         "length",
-        (length, Length),
+        length,
+        Length,
         "length along the midrib from collar to tip",
     );
     assembly.record(
         blade,
         "area",
-        (areas_m2[0], Area),
+        areas_m2[0],
+        Area,
         "one-sided area of the blade",
     );
     assembly.record(
         blade,
         "width",
-        (width, Length),
+        width,
+        Length,
         "width across the midrib, mean over the length",
     );
     assembly.record(
         blade,
         "width_max",
-        (leaf.plan.width_m, Length),
+        leaf.plan.width_m,
+        Length,
         "width across the midrib at the widest place",
     );
     let axis = shoot.culm.curve.at(leaf.sheath.to_m).tangent;
     let insertion = leaf.blade.insertion_deg(axis, INSERTION_REACH_M);
     let definition =
         "angle between the culm's axis at the collar and the chord of the midrib's first 30 mm";
-    assembly.record(blade, "insertion_angle", (insertion, Angle), definition);
+    assembly.record(blade, "insertion_angle", insertion, Angle, definition);
     let definition = "length along the culm from node to collar, on the blade's side";
-    assembly.record(sheath, "length", (sheath_length, Length), definition);
+    assembly.record(sheath, "length", sheath_length, Length, definition);
     assembly.record(
         sheath,
         "area",
-        (areas_m2[1], Area),
+        areas_m2[1],
+        Area,
         "one-sided area of the sheath, its overlap counted once",
     );
 }
@@ -294,18 +322,14 @@ fn add_leaf_traits(
 fn add_panicle_traits(
     assembly: &mut Assembly,
     id: LabelId,
-    grains: (LabelId, usize),
+    grains: LabelId,
+    count: usize,
     surface: &Mesh,
 ) {
     let volume = hull_volume(&surface.positions);
     let definition = "volume of the convex hull of rachis, branches and grains";
-    assembly.record_whole(id, "hull_volume", (volume, Volume), definition);
-    assembly.record_whole(
-        grains.0,
-        "instances",
-        (grains.1 as f64, Count),
-        "number of grains",
-    );
+    assembly.record_whole(id, "hull_volume", volume, Volume, definition);
+    assembly.record_whole(grains, "instances", count as f64, Count, "number of grains");
 }
 
 /// Height of the pot below the soil surface, in metres.
@@ -339,7 +363,7 @@ fn add_pot(assembly: &mut Assembly, dice: &mut Dice) {
 /// Creates a soil surface with crumbs up to 1.5 mm high.
 fn soil(radius_m: f64, seed: u32) -> Mesh {
     let (rows, columns) = (30, 72);
-    Mesh::patch((rows, columns), true, |r, c| {
+    Mesh::patch(rows, columns, true, |r, c| {
         let angle = std::f64::consts::TAU * c as f64 / columns as f64;
         let radius = radius_m * (1.0 - r as f64 / rows as f64);
         let at = Vec2::new((radius * angle.cos()) as f32, (radius * angle.sin()) as f32);

@@ -7,11 +7,10 @@ use super::mesh::face_normal;
 use super::model::Model;
 use super::noise::Dice;
 use super::raster::{Raster, band_rows};
-use super::render::Light;
+use super::scene::Scene;
 use super::view::View;
 use ostra_cloud::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
-use ostra_masks::LabelTree;
 
 /// Options of an exact cloud.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,23 +60,27 @@ impl TruthOptions {
 }
 
 pub(super) fn exact_cloud(
-    (model, light, tree): (&Model, &Light, &LabelTree),
-    (views, seed): (&[View], u64),
+    scene: &Scene,
     options: &TruthOptions,
     progress: &Progress,
 ) -> Result<LabelledCloud, SceneError> {
     options.check()?;
-    let spots = cover(model, seed, |part| {
+    let (model, light) = (&scene.model, &scene.light);
+    let spots = cover(model, scene.options().seed, |part| {
         if model.appearances[part].label.0 == 0 {
             options.surroundings_m
         } else {
             Some(options.spacing_m)
         }
     });
-    let views = if options.min_views == 0 { &[] } else { views };
+    let views = if options.min_views == 0 {
+        &[]
+    } else {
+        scene.views()
+    };
     let observations = count_observations(model, &spots, views, progress)?;
     let mut cloud = LabelledCloud {
-        tree: tree.clone(),
+        tree: scene.tree().clone(),
         ..LabelledCloud::default()
     };
     for (spot, (count, towards)) in spots.iter().zip(observations) {

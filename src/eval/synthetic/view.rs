@@ -125,7 +125,7 @@ pub(super) fn spoil(view: &mut RenderedView, noise: &SensorNoise, seed: u64) {
         .for_each(|(row, depths)| {
             let mut dice = Dice::new(seed, 1000 + 2 * row as u64);
             for (column, depth) in depths.iter_mut().enumerate() {
-                *depth = measured_depth(&exact, (column, row), noise, &mut dice);
+                *depth = measured_depth(&exact, column, row, noise, &mut dice);
             }
         });
     view.image
@@ -143,7 +143,8 @@ pub(super) fn spoil(view: &mut RenderedView, noise: &SensorNoise, seed: u64) {
 
 fn measured_depth(
     exact: &DepthMap,
-    (column, row): (usize, usize),
+    column: usize,
+    row: usize,
     noise: &SensorNoise,
     dice: &mut Dice,
 ) -> f32 {

@@ -72,7 +72,8 @@ type PngEncoder<'a> = png::Encoder<'a, BufWriter<&'a mut fs::File>>;
 
 fn encode_png(
     path: &Path,
-    (width, height): (u32, u32),
+    width: u32,
+    height: u32,
     set: impl FnOnce(&mut PngEncoder<'_>),
     bytes: &[u8],
 ) -> Result<(), SceneError> {
@@ -94,7 +95,8 @@ fn write_image(path: &Path, image: &Image) -> Result<(), SceneError> {
     };
     encode_png(
         path,
-        (image.width, image.height),
+        image.width,
+        image.height,
         set,
         image.pixels.as_flattened(),
     )
@@ -115,7 +117,7 @@ fn write_depth(path: &Path, depth: &DepthMap, unit_m: f64) -> Result<(), SceneEr
         encoder.set_depth(png::BitDepth::Sixteen);
         encoder.set_compression(png::Compression::Fast);
     };
-    encode_png(path, (depth.width, depth.height), set, &bytes)
+    encode_png(path, depth.width, depth.height, set, &bytes)
 }
 
 /// Writes a mask with one byte per pixel: the scenes have fewer than 256 labels.
@@ -129,7 +131,7 @@ fn write_mask(path: &Path, mask: &LabelMask, tree: &LabelTree) -> Result<(), Sce
         encoder.set_color(png::ColorType::Indexed);
         encoder.set_palette(palette);
     };
-    encode_png(path, (mask.width, mask.height), set, &bytes)
+    encode_png(path, mask.width, mask.height, set, &bytes)
 }
 
 /// Writes a COLMAP text model: one PINHOLE camera for all views, a pose for each, no points.

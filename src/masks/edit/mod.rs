@@ -17,7 +17,7 @@ pub use assign::{LabelAnswer, PaintRule, assign, compose, erase, taken_by_others
 pub use brush::stroke;
 pub use interpolate::ShapeBlend;
 pub use polygon::{fill_polygons, polygon_spans};
-pub use pull::{ElasticBorders, Pull, pull};
+pub use pull::{BorderDrag, ElasticBorders, Pull, pull};
 pub use snap::snapped_stroke;
 pub use split::nearer_part;
 pub use tidy::tidy;

@@ -177,21 +177,30 @@ impl Pull {
     }
 }
 
+/// A drag of a border from one point to another.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BorderDrag {
+    /// The point where the drag starts; the border's point nearest to it is dragged.
+    pub from_px: DVec2,
+    /// The point where the drag ends.
+    pub to_px: DVec2,
+}
+
 /// Drags the border of a label and returns how many pixels changed.
 ///
-/// The drag runs from the border's point nearest to `from_px` to `to_px`, as in
-/// [`ElasticBorders::pull`]. Added pixels go to the label according to `rule`; removed pixels
-/// become unlabelled.
+/// The drag works as in [`ElasticBorders::pull`]. Added pixels go to the label according to `rule`;
+/// removed pixels become unlabelled.
 ///
 /// # Errors
 /// [`MaskError::Request`] when the label has no pixel or a coordinate is not finite.
 pub fn pull(
     mask: &mut LabelMask,
-    (from_px, to_px): (DVec2, DVec2),
+    drag: BorderDrag,
     label: LabelId,
     rule: PaintRule,
     tree: &LabelTree,
 ) -> Result<usize, MaskError> {
+    let BorderDrag { from_px, to_px } = drag;
     check_points(&[from_px, to_px])?;
     let pull = ElasticBorders::of(&mask.region(label)).pull(from_px, to_px);
     let pull = pull
@@ -236,14 +245,11 @@ mod tests {
 
     fn pulled(mask: &LabelMask, from: [f64; 2], to: [f64; 2]) -> LabelMask {
         let mut pulled = mask.clone();
-        pull(
-            &mut pulled,
-            (from.into(), to.into()),
-            LABEL,
-            PaintRule::Protect,
-            &tree(),
-        )
-        .unwrap();
+        let drag = BorderDrag {
+            from_px: from.into(),
+            to_px: to.into(),
+        };
+        pull(&mut pulled, drag, LABEL, PaintRule::Protect, &tree()).unwrap();
         pulled
     }
 
@@ -305,20 +311,29 @@ mod tests {
             .iter_mut()
             .skip(41 * SIZE as usize)
             .for_each(|id| *id = LabelId(5));
-        let ends = (DVec2::new(30.0, 40.0), DVec2::new(30.0, 45.0));
+        let drag = BorderDrag {
+            from_px: DVec2::new(30.0, 40.0),
+            to_px: DVec2::new(30.0, 45.0),
+        };
         let mut protected = both.clone();
-        pull(&mut protected, ends, LABEL, PaintRule::Protect, &tree()).unwrap();
+        pull(&mut protected, drag, LABEL, PaintRule::Protect, &tree()).unwrap();
         assert!(has(&protected, 30, 40) && protected.region(LabelId(5)) == both.region(LabelId(5)));
-        let changed = pull(&mut both, ends, LABEL, PaintRule::Replace, &tree()).unwrap();
+        let changed = pull(&mut both, drag, LABEL, PaintRule::Replace, &tree()).unwrap();
         assert!(has(&both, 30, 43) && changed > 20);
     }
 
     #[test]
     fn invalid_drags_are_rejected() {
         let mut none = LabelMask::empty(SIZE, SIZE);
-        let ends = (DVec2::splat(3.0), DVec2::splat(5.0));
-        assert!(pull(&mut none, ends, LABEL, PaintRule::Protect, &tree()).is_err());
-        let not_a_number = (DVec2::splat(3.0), DVec2::splat(f64::NAN));
+        let drag = BorderDrag {
+            from_px: DVec2::splat(3.0),
+            to_px: DVec2::splat(5.0),
+        };
+        assert!(pull(&mut none, drag, LABEL, PaintRule::Protect, &tree()).is_err());
+        let not_a_number = BorderDrag {
+            to_px: DVec2::splat(f64::NAN),
+            ..drag
+        };
         assert!(
             pull(
                 &mut square(),

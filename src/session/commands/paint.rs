@@ -7,7 +7,8 @@ use crate::{Event, JobCompletion, JobKind};
 use ostra_core::job::JobId;
 use ostra_frames::Frame;
 use ostra_masks::{
-    PaintRule, Region, assign, erase, fill_polygons, pull, snapped_stroke, stroke, tidy, trace,
+    BorderDrag, PaintRule, Region, assign, erase, fill_polygons, pull, snapped_stroke, stroke,
+    tidy, trace,
 };
 use ostra_project::mask_edits::{by_hand, check_unlocked, keyframe_of, label_name, mask_of};
 use ostra_project::{Edit, MaskOrigin};
@@ -77,7 +78,7 @@ impl Session {
         let mut mask = mask_of(&project, frame)?;
         let pulled = pull(
             &mut mask,
-            (from_px, to_px),
+            BorderDrag { from_px, to_px },
             label,
             rule(replace),
             &project.labels,

@@ -5,8 +5,8 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use super::options::Aim;
-use super::outline::{Correction, Drawn, Iou, corrections, outlined};
-use ostra_masks::{ElasticBorders, LabelId, LabelMask, LabelTree};
+use super::outline::{Correction, DrawingTask, Drawn, corrections, outlined};
+use ostra_masks::{BorderDrag, ElasticBorders, LabelId, LabelMask, LabelTree};
 
 /// Draws what clicks could not correct, or returns `None` if no drawing pays.
 ///
@@ -16,19 +16,14 @@ use ostra_masks::{ElasticBorders, LabelId, LabelMask, LabelTree};
 ///
 /// # Errors
 /// Returns an error if the masks differ in size.
-pub fn drawn(
-    (truth, mask): (&LabelMask, &LabelMask),
-    (label, tree): (LabelId, &LabelTree),
-    iou: Iou<'_>,
-    aim: &Aim,
-) -> Result<Option<Drawn>> {
-    if aim.value(1.0, 1) <= aim.value(iou(mask), 0) {
+pub fn drawn(task: &DrawingTask<'_>) -> Result<Option<Drawn>> {
+    if task.aim.value(1.0, 1) <= task.value(task.mask, 0) {
         return Ok(None);
     }
-    let (outlined, value) = outlined((truth, mask), (label, tree), iou, aim)?;
-    let corrected = corrected((truth, mask), (label, tree), (iou, aim), value)?;
+    let (outlined, value) = outlined(task)?;
+    let corrected = corrected(task, value)?;
     Ok(corrected
-        .filter(|drawn| aim.value(iou(&drawn.mask), drawn.corners) > value)
+        .filter(|drawn| task.value(&drawn.mask, drawn.corners) > value)
         .or(outlined))
 }
 
@@ -60,13 +55,13 @@ impl Change {
         }
     }
 
-    fn made(&self, drawn: &Drawn, (label, tree): (LabelId, &LabelTree)) -> Result<Drawn> {
+    fn made(&self, drawn: &Drawn, label: LabelId, tree: &LabelTree) -> Result<Drawn> {
         let mut next = drawn.clone();
         match self {
             Self::Polygon(correction) => {
-                next.draw(&correction.ring, (label, tree), correction.include)?;
+                next.draw(&correction.ring, label, tree, correction.include)?;
             }
-            Self::Pull(pulled) => next.pull(pulled.ends_px, (label, tree))?,
+            Self::Pull(pulled) => next.pull(pulled.drag, label, tree)?,
         }
         Ok(next)
     }
@@ -78,28 +73,22 @@ impl Change {
 ///
 /// # Errors
 /// Returns an error if the masks differ in size.
-pub fn corrected(
-    (truth, mask): (&LabelMask, &LabelMask),
-    (label, tree): (LabelId, &LabelTree),
-    (iou, aim): (Iou<'_>, &Aim),
-    best: f64,
-) -> Result<Option<Drawn>> {
-    let mut drawn = Drawn {
-        mask: mask.clone(),
-        corners: 0,
-    };
-    let mut value = aim.value(iou(mask), 0);
+pub fn corrected(task: &DrawingTask<'_>, best: f64) -> Result<Option<Drawn>> {
+    let mut drawn = task.undrawn();
+    let mut value = task.value(task.mask, 0);
     loop {
-        let changes = changes(truth, &drawn.mask, label, aim)?;
-        let mut touched = vec![false; mask.ids.len()];
+        let changes = changes(task.truth, &drawn.mask, task.label, task.aim)?;
+        let mut touched = vec![false; task.mask.ids.len()];
         let looked_at = value;
         for change in changes {
             let is_touched = |pixels: &Range<usize>| touched[pixels.clone()].contains(&true);
-            if aim.value(1.0, drawn.corners + 1) <= best || change.pixels().iter().any(is_touched) {
+            if task.aim.value(1.0, drawn.corners + 1) <= best
+                || change.pixels().iter().any(is_touched)
+            {
                 continue;
             }
-            let next = change.made(&drawn, (label, tree))?;
-            let next_value = aim.value(iou(&next.mask), next.corners);
+            let next = change.made(&drawn, task.label, task.tree)?;
+            let next_value = task.value(&next.mask, next.corners);
             if next_value > value {
                 (drawn, value) = (next, next_value);
                 change
@@ -146,8 +135,8 @@ const NEAR_PX: i64 = 2;
 /// A drag of a label's border across itself.
 #[derive(Debug, Clone, PartialEq)]
 struct Pulled {
-    /// Start and end, in pixels.
-    pub ends_px: (DVec2, DVec2),
+    /// Start and end of the drag.
+    pub drag: BorderDrag,
     /// Number of corrected pixels minus the number of newly wrong ones.
     pub corrected: i64,
     /// The pixels that the border passes (ranges of row-major positions in the frame).
@@ -226,7 +215,10 @@ fn best_at(
             })?;
             if corrected > best.as_ref().map_or(0, |best| best.corrected) {
                 best = Some(Pulled {
-                    ends_px: (from, to),
+                    drag: BorderDrag {
+                        from_px: from,
+                        to_px: to,
+                    },
                     corrected,
                     pixels,
                 });
@@ -291,10 +283,15 @@ mod tests {
                 price_beyond: 1.0,
                 finest_px: 1.0,
             };
-            drawn((truth, mask), (LABEL, &tree), &iou, &aim)
-                .unwrap()
-                .unwrap()
-                .corners
+            let task = DrawingTask {
+                truth,
+                mask,
+                label: LABEL,
+                tree: &tree,
+                iou: &iou,
+                aim: &aim,
+            };
+            drawn(&task).unwrap().unwrap().corners
         };
         let square = |x: u32, y: u32| (20..80).contains(&x) && (20..80).contains(&y);
         let tip = |x: u32, y: u32| (80..84).contains(&y) && x.abs_diff(50) < 12 - 3 * (y - 80);
@@ -321,13 +318,15 @@ mod tests {
             price_beyond,
             finest_px: 1.0,
         };
-        corrected(
-            (truth, mask),
-            (LABEL, &LabelTree::default()),
-            (&iou, &aim),
-            best,
-        )
-        .unwrap()
+        let task = DrawingTask {
+            truth,
+            mask,
+            label: LABEL,
+            tree: &LabelTree::default(),
+            iou: &iou,
+            aim: &aim,
+        };
+        corrected(&task, best).unwrap()
     }
 
     #[test]
@@ -371,13 +370,13 @@ mod tests {
             best.corrected
         );
         assert!(
-            best.ends_px.1.distance(DVec2::splat(60.0)) < 3.0,
+            best.drag.to_px.distance(DVec2::splat(60.0)) < 3.0,
             "{:?}",
-            best.ends_px
+            best.drag
         );
         assert!(
             all.iter()
-                .all(|pulled| pulled.ends_px.0.min_element() > 40.0),
+                .all(|pulled| pulled.drag.from_px.min_element() > 40.0),
             "the rest is right"
         );
         assert_eq!(

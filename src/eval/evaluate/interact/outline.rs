@@ -5,8 +5,8 @@ use glam::DVec2;
 
 use super::options::Aim;
 use ostra_masks::{
-    LabelId, LabelMask, LabelTree, Outline, PaintRule, Region, assign, erase, fill_polygons,
-    outlines, polygon_spans, pull,
+    BorderDrag, LabelId, LabelMask, LabelTree, Outline, PaintRule, Region, assign, erase,
+    fill_polygons, outlines, polygon_spans, pull,
 };
 
 /// The result of drawing with the polygon tool and of dragging borders.
@@ -21,21 +21,48 @@ pub struct Drawn {
 /// Returns the IoU of a label on a frame for a mask.
 pub(super) type Iou<'a> = &'a dyn Fn(&LabelMask) -> f64;
 
+/// A label that is drawn on a frame, and how drawings of it are valued.
+#[derive(Clone, Copy)]
+pub struct DrawingTask<'a> {
+    /// Ground truth mask of the frame.
+    pub truth: &'a LabelMask,
+    /// Mask of the frame before drawing.
+    pub mask: &'a LabelMask,
+    /// The label.
+    pub label: LabelId,
+    /// The tree that contains it.
+    pub tree: &'a LabelTree,
+    /// Returns the IoU of the label for a mask.
+    pub iou: Iou<'a>,
+    /// What a drawing must gain.
+    pub aim: &'a Aim,
+}
+
+impl DrawingTask<'_> {
+    /// Returns the mask before drawing.
+    pub(super) fn undrawn(&self) -> Drawn {
+        Drawn {
+            mask: self.mask.clone(),
+            corners: 0,
+        }
+    }
+
+    /// Returns the value of a mask that needed this many corners.
+    pub(super) fn value(&self, mask: &LabelMask, corners: usize) -> f64 {
+        self.aim.value((self.iou)(mask), corners)
+    }
+}
+
 /// Returns the best drawing with polygons alone, and its value.
 ///
 /// If no drawing pays, returns `None` and the value of the unchanged mask.
-pub(super) fn outlined(
-    (truth, mask): (&LabelMask, &LabelMask),
-    (label, tree): (LabelId, &LabelTree),
-    iou: Iou<'_>,
-    aim: &Aim,
-) -> Result<(Option<Drawn>, f64)> {
-    let mut best = (None, aim.value(iou(mask), 0));
-    for off_px in aim.off_px() {
-        let whole = drawn_whole((truth, mask), (label, tree), off_px)?;
-        let parts = drawn_parts((truth, mask), (label, tree), (iou, aim), off_px, best.1)?;
+pub(super) fn outlined(task: &DrawingTask<'_>) -> Result<(Option<Drawn>, f64)> {
+    let mut best = (None, task.value(task.mask, 0));
+    for off_px in task.aim.off_px() {
+        let whole = drawn_whole(task, off_px)?;
+        let parts = drawn_parts(task, off_px, best.1)?;
         for drawn in [whole, parts].into_iter().flatten() {
-            let value = aim.value(iou(&drawn.mask), drawn.corners);
+            let value = task.value(&drawn.mask, drawn.corners);
             if value > best.1 {
                 best = (Some(drawn), value);
             }
@@ -45,18 +72,18 @@ pub(super) fn outlined(
 }
 
 /// Erases the label and draws it again; a label that does not belong there is erased by one click.
-fn drawn_whole(
-    (truth, mask): (&LabelMask, &LabelMask),
-    (label, tree): (LabelId, &LabelTree),
-    off_px: f64,
-) -> Result<Option<Drawn>> {
-    let mut drawn = Drawn {
-        mask: mask.clone(),
-        corners: 0,
-    };
+fn drawn_whole(task: &DrawingTask<'_>, off_px: f64) -> Result<Option<Drawn>> {
+    let DrawingTask {
+        truth,
+        mask,
+        label,
+        tree,
+        ..
+    } = *task;
+    let mut drawn = task.undrawn();
     erase(&mut drawn.mask, &mask.region(label), Some(label))?;
     for polygon in polygons(&truth.region(label), off_px) {
-        drawn.draw(&polygon.keyhole(), (label, tree), true)?;
+        drawn.draw(&polygon.keyhole(), label, tree, true)?;
     }
     if !truth.ids.contains(&label) {
         drawn.corners = 1;
@@ -67,25 +94,17 @@ fn drawn_whole(
 /// Draws wrong parts one by one while that pays and can still exceed `best`.
 ///
 /// Returns `None` if nothing is drawn.
-fn drawn_parts(
-    (truth, mask): (&LabelMask, &LabelMask),
-    (label, tree): (LabelId, &LabelTree),
-    (iou, aim): (Iou<'_>, &Aim),
-    off_px: f64,
-    best: f64,
-) -> Result<Option<Drawn>> {
-    let mut drawn = Drawn {
-        mask: mask.clone(),
-        corners: 0,
-    };
-    let mut value = aim.value(iou(mask), 0);
-    for Correction { ring, include, .. } in corrections(truth, mask, label, off_px)? {
-        if aim.value(1.0, drawn.corners + ring.len()) <= best {
+fn drawn_parts(task: &DrawingTask<'_>, off_px: f64, best: f64) -> Result<Option<Drawn>> {
+    let mut drawn = task.undrawn();
+    let mut value = task.value(task.mask, 0);
+    for Correction { ring, include, .. } in corrections(task.truth, task.mask, task.label, off_px)?
+    {
+        if task.aim.value(1.0, drawn.corners + ring.len()) <= best {
             continue;
         }
         let mut next = drawn.clone();
-        next.draw(&ring, (label, tree), include)?;
-        let next_value = aim.value(iou(&next.mask), next.corners);
+        next.draw(&ring, task.label, task.tree, include)?;
+        let next_value = task.value(&next.mask, next.corners);
         if next_value > value {
             (drawn, value) = (next, next_value);
         }
@@ -161,7 +180,8 @@ impl Drawn {
     pub(super) fn draw(
         &mut self,
         ring: &Vec<DVec2>,
-        (label, tree): (LabelId, &LabelTree),
+        label: LabelId,
+        tree: &LabelTree,
         include: bool,
     ) -> Result<()> {
         let region = fill_polygons(
@@ -181,10 +201,11 @@ impl Drawn {
     /// Drags the border of a label.
     pub(super) fn pull(
         &mut self,
-        ends_px: (DVec2, DVec2),
-        (label, tree): (LabelId, &LabelTree),
+        drag: BorderDrag,
+        label: LabelId,
+        tree: &LabelTree,
     ) -> Result<()> {
-        pull(&mut self.mask, ends_px, label, PaintRule::Replace, tree)?;
+        pull(&mut self.mask, drag, label, PaintRule::Replace, tree)?;
         self.corners += 1;
         Ok(())
     }
@@ -224,9 +245,15 @@ mod tests {
             price_beyond,
             finest_px: 2.0,
         };
-        outlined((truth, mask), (LABEL, &LabelTree::default()), &iou, &aim)
-            .unwrap()
-            .0
+        let task = DrawingTask {
+            truth,
+            mask,
+            label: LABEL,
+            tree: &LabelTree::default(),
+            iou: &iou,
+            aim: &aim,
+        };
+        outlined(&task).unwrap().0
     }
 
     #[test]
@@ -284,9 +311,15 @@ mod tests {
                 price_beyond: 1.0,
                 finest_px: 1.0,
             };
-            outlined((&truth, &mask), (LABEL, &LabelTree::default()), &iou, &aim)
-                .unwrap()
-                .0
+            let task = DrawingTask {
+                truth: &truth,
+                mask: &mask,
+                label: LABEL,
+                tree: &LabelTree::default(),
+                iou: &iou,
+                aim: &aim,
+            };
+            outlined(&task).unwrap().0
         };
         // Four corners for a gain of 0.07, from five sixths to 0.9.
         assert_eq!(drawn_with(0.015).map(|drawn| drawn.corners), Some(4));

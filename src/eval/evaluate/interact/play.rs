@@ -5,7 +5,7 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 
 use super::options::Aim;
-use super::user::{Clicks, IousByLabel, RobotUser, by_label, mean_over_labels};
+use super::user::{Clicks, IousByLabel, LabellingSetup, RobotUser, by_label, mean_over_labels};
 use super::{FrameByFrame, Goal, InteractOptions, InteractReport, Sequence};
 use ostra_core::job::Progress;
 use ostra_masks::{LabelId, Segmenter, Tracker};
@@ -42,18 +42,17 @@ pub fn interact(
         .find(|&frame| !sequence.shown_on(frame).is_empty());
     let first = first.context("the true masks show no label; give masks that do")?;
     let prepared = PreparedFrames::new(PREPARED_BYTES);
-    let alone = frame_by_frame(sequence, segmenter, &prepared, options, progress)?;
-    let begun = Instant::now();
-    let most_clicks = 2 * alone.values().map(|alone| alone.clicks).sum::<usize>();
-    let user = RobotUser::new(
+    let setup = LabellingSetup {
         sequence,
         segmenter,
-        &prepared,
+        prepared: &prepared,
         progress,
         options,
-        0,
-        most_clicks,
-    );
+    };
+    let alone = frame_by_frame(&setup)?;
+    let begun = Instant::now();
+    let most_clicks = 2 * alone.values().map(|alone| alone.clicks).sum::<usize>();
+    let user = RobotUser::new(setup, 0, most_clicks);
     let mut game = Game::new(user, tracker, options);
     progress.stage("click")?;
     let failed = game.begin(first, &sequence.shown_on(first))?;
@@ -227,24 +226,14 @@ impl<'a> Game<'a> {
 ///
 /// # Errors
 /// Returns an error if a frame cannot be read, if the segmenter fails, or if stopped.
-fn frame_by_frame(
-    sequence: &Sequence,
-    segmenter: &dyn Segmenter,
-    prepared: &PreparedFrames,
-    options: &InteractOptions,
-    progress: &Progress,
-) -> Result<BTreeMap<usize, FrameByFrame>> {
-    let of_frame = |frame: usize| {
-        RobotUser::new(
-            sequence,
-            segmenter,
-            prepared,
-            progress,
-            options,
-            1 + frame as u64,
-            usize::MAX,
-        )
-    };
+fn frame_by_frame(setup: &LabellingSetup<'_>) -> Result<BTreeMap<usize, FrameByFrame>> {
+    let LabellingSetup {
+        sequence,
+        progress,
+        options,
+        ..
+    } = *setup;
+    let of_frame = |frame: usize| RobotUser::new(*setup, 1 + frame as u64, usize::MAX);
     let mut users: Vec<(usize, RobotUser<'_>)> = sequence
         .truth
         .keys()

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use super::user::{Clicks, RobotUser};
+use super::user::{Clicks, LabellingSetup, RobotUser};
 use super::{FrameByFrame, InteractOptions, Sequence, interact};
 use crate::evaluate::interact::options::Aim;
 use ostra_core::job::{Progress, Stopped};
@@ -371,9 +371,14 @@ fn click_limit_is_not_exceeded() {
     );
     let (prepared, segmenter) = (PreparedFrames::new(1 << 20), ByColor { whole: false });
     for most in [2, 5] {
-        let mut user = RobotUser::new(
-            &sequence, &segmenter, &prepared, &progress, &options, 0, most,
-        );
+        let setup = LabellingSetup {
+            sequence: &sequence,
+            segmenter: &segmenter,
+            prepared: &prepared,
+            progress: &progress,
+            options: &options,
+        };
+        let mut user = RobotUser::new(setup, 0, most);
         let requested = sequence
             .shown_on(4)
             .into_iter()

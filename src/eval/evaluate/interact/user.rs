@@ -6,7 +6,7 @@ use anyhow::Result;
 
 use super::corrections::drawn;
 use super::options::{Aim, Hand};
-use super::outline::Drawn;
+use super::outline::{DrawingTask, Drawn};
 use super::{InteractOptions, Sequence};
 use crate::simulated_click::next_label_click;
 use ostra_core::job::Progress;
@@ -73,16 +73,27 @@ impl Clicks {
     }
 }
 
+/// The sequence that simulated users label, and what they label it with.
+#[derive(Clone, Copy)]
+pub struct LabellingSetup<'a> {
+    /// The sequence with its ground truth.
+    pub sequence: &'a Sequence,
+    /// The segmenter that answers clicks.
+    pub segmenter: &'a dyn Segmenter,
+    /// The frames prepared for the segmenter.
+    pub prepared: &'a PreparedFrames,
+    /// The progress of the job.
+    pub progress: &'a Progress,
+    /// The options of the simulation.
+    pub options: &'a InteractOptions,
+}
+
 /// A simulated user who reads the ground truth to decide where to click and what to draw.
 ///
 /// Clicks go to the deepest point of the largest error; labels that clicks do not improve are
 /// drawn. The project is in memory. Clicks are answered and masks are tracked as in a session.
 pub struct RobotUser<'a> {
-    sequence: &'a Sequence,
-    segmenter: &'a dyn Segmenter,
-    prepared: &'a PreparedFrames,
-    progress: &'a Progress,
-    options: &'a InteractOptions,
+    setup: LabellingSetup<'a>,
     annotator: Hand,
     project: Project,
     clicks: usize,
@@ -94,24 +105,11 @@ impl<'a> RobotUser<'a> {
     /// Creates a user for a sequence without masks, with at most `most_clicks` clicks.
     ///
     /// The jitter of the clicks depends on `turn`.
-    pub fn new(
-        sequence: &'a Sequence,
-        segmenter: &'a dyn Segmenter,
-        prepared: &'a PreparedFrames,
-        progress: &'a Progress,
-        options: &'a InteractOptions,
-        turn: u64,
-        most_clicks: usize,
-    ) -> Self {
-        let (annotator, project) = (Hand::new(options, turn), sequence.project());
+    pub fn new(setup: LabellingSetup<'a>, turn: u64, most_clicks: usize) -> Self {
         Self {
-            sequence,
-            segmenter,
-            prepared,
-            progress,
-            options,
-            annotator,
-            project,
+            setup,
+            annotator: Hand::new(setup.options, turn),
+            project: setup.sequence.project(),
             clicks: 0,
             corners: 0,
             most_clicks,
@@ -145,7 +143,7 @@ impl<'a> RobotUser<'a> {
         labels: &BTreeMap<LabelId, Clicks>,
         aim: &Aim,
     ) -> Result<bool> {
-        let truth = self.sequence.truth_of(frame)?.decode();
+        let truth = self.setup.sequence.truth_of(frame)?.decode();
         let was = self.frame_iou(frame)?;
         let mut best = (was, self.project.clone());
         let mut given: BTreeMap<LabelId, Given> = BTreeMap::new();
@@ -154,7 +152,9 @@ impl<'a> RobotUser<'a> {
             let is_open = |(id, requested): &(&LabelId, &Clicks)| {
                 let so_far: Given = given.get(id).copied().unwrap_or_default();
                 let is_poor = ious.get(id).is_some_and(|&iou| iou < requested.good_iou);
-                is_poor && so_far.clicks < requested.most && so_far.in_vain < self.options.patience
+                is_poor
+                    && so_far.clicks < requested.most
+                    && so_far.in_vain < self.setup.options.patience
             };
             let open: Vec<LabelId> = labels.iter().filter(is_open).map(|(&id, _)| id).collect();
             let mask = mask_of(&self.project, frame)?;
@@ -190,7 +190,7 @@ impl<'a> RobotUser<'a> {
         if self.is_spent() || !before.contains_key(&label) {
             return Ok(());
         }
-        let sequence = self.sequence;
+        let sequence = self.setup.sequence;
         let of_truth = sequence.truth_of(frame)?;
         let iou = |mask: &LabelMask| {
             let ious = of_truth.ious(&RunMask::encode(mask));
@@ -203,7 +203,14 @@ impl<'a> RobotUser<'a> {
             now(&label) - lost.max(0.0)
         };
         let mask = mask_of(&self.project, frame)?;
-        let drawn = drawn((truth, &mask), (label, &sequence.labels), &iou, aim)?;
+        let drawn = drawn(&DrawingTask {
+            truth,
+            mask: &mask,
+            label,
+            tree: &sequence.labels,
+            iou: &iou,
+            aim,
+        })?;
         let affordable = self.most_clicks - self.clicks;
         let Some(Drawn { mask, corners }) = drawn.filter(|drawn| drawn.corners <= affordable)
         else {
@@ -255,7 +262,7 @@ impl<'a> RobotUser<'a> {
         let labels = &settings.labels;
         let range = settings.from.unwrap_or(0)..=settings.to.unwrap_or(usize::MAX);
         let (mut missed, mut held) = (0, 0);
-        for (frame, truth) in self.sequence.truth.range(range) {
+        for (frame, truth) in self.setup.sequence.truth.range(range) {
             let tracked = self
                 .project
                 .masks
@@ -279,12 +286,12 @@ impl<'a> RobotUser<'a> {
     }
 
     fn track_with(&mut self, tracker: &dyn Tracker, settings: &TrackSettings) -> Result<()> {
-        let request = track_request(&self.project, &self.sequence.store, settings)?;
+        let request = track_request(&self.project, &self.setup.sequence.store, settings)?;
         let mut tracked = Vec::new();
         tracker.track(
             &request,
             &mut |answer| tracked.push(transferred(answer)),
-            self.progress,
+            self.setup.progress,
         )?;
         let choice = LabelChoice::new(&settings.labels, settings.replace);
         for (frame, mask) in tracked {
@@ -297,7 +304,7 @@ impl<'a> RobotUser<'a> {
 
     /// Clicks for a label on a frame, which becomes a keyframe.
     fn click(&mut self, frame: usize, label: LabelId, click: Click) -> Result<()> {
-        self.progress.check()?;
+        self.setup.progress.check()?;
         let mut prompt = self
             .project
             .prompts
@@ -305,7 +312,7 @@ impl<'a> RobotUser<'a> {
             .cloned()
             .unwrap_or_default();
         prompt.clicks.push(click);
-        let segmenter = SegmenterId::from_name(self.segmenter.name()).unwrap_or_default();
+        let segmenter = SegmenterId::from_name(self.setup.segmenter.name()).unwrap_or_default();
         let request = PromptRequest {
             frame,
             label,
@@ -314,10 +321,13 @@ impl<'a> RobotUser<'a> {
         };
         let meaning = PromptMeaning::new(&self.project, &request)?;
         let of = self.project.frame(frame)?;
-        let ready = self
-            .prepared
-            .get(self.segmenter, of, &self.sequence.store, self.progress)?;
-        let region = meaning.segment(ready.as_ref(), self.progress)?;
+        let ready = self.setup.prepared.get(
+            self.setup.segmenter,
+            of,
+            &self.setup.sequence.store,
+            self.setup.progress,
+        )?;
+        let region = meaning.segment(ready.as_ref(), self.setup.progress)?;
         for edit in meaning.edits(&self.project, &region)? {
             self.project.apply(edit)?;
         }
@@ -327,7 +337,7 @@ impl<'a> RobotUser<'a> {
 
     /// Returns the IoU of each label in the ground truth or the result of a frame.
     pub fn ious(&self, frame: usize) -> Result<BTreeMap<LabelId, f64>> {
-        let truth = self.sequence.truth_of(frame)?;
+        let truth = self.setup.sequence.truth_of(frame)?;
         let nothing = || Arc::new(RunMask::empty(truth.width, truth.height));
         let result = self
             .project
@@ -340,7 +350,8 @@ impl<'a> RobotUser<'a> {
     /// Returns the IoU of each label on each frame with the label in ground truth or result.
     pub fn ious_by_label(&self) -> Result<IousByLabel> {
         by_label(
-            self.sequence
+            self.setup
+                .sequence
                 .truth
                 .keys()
                 .map(|&frame| Ok((frame, self.ious(frame)?))),
