@@ -1,6 +1,6 @@
 //! Images and depth maps in memory, and shrinking of images.
 
-use ostra_core::image::area_mean_rgb8;
+use ostra_core::image::{ImageSize, area_mean_rgb8};
 
 /// A colour image in sRGB, row by row from the top left.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -25,6 +25,12 @@ pub struct DepthMap {
 }
 
 impl Image {
+    /// Returns the width and height.
+    #[must_use]
+    pub fn size(&self) -> ImageSize {
+        ImageSize::new(self.width as usize, self.height as usize)
+    }
+
     /// Returns the pixel in column `x`, row `y`.
     #[must_use]
     #[inline]

@@ -4,6 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::embeddings::Embeddings;
 use ostra_compute::nn::{Catalogue, NnError, Runtime, models_folder};
+use ostra_core::image::ImageSize;
 use ostra_core::job::Progress;
 use ostra_frames::{DepthMap, Image};
 use ostra_masks::onnx::Yolox;
@@ -93,7 +94,7 @@ pub(crate) fn grounding_dino() -> Result<Arc<dyn TextGrounder>, MaskError> {
 pub(crate) struct KeptXFeat;
 
 impl DenseFeatures for KeptXFeat {
-    fn feature_map(&self, grey: &[f32], size: (usize, usize)) -> Result<FeatureMap, MaskError> {
+    fn feature_map(&self, grey: &[f32], size: ImageSize) -> Result<FeatureMap, MaskError> {
         XFEAT
             .get(|| XFeatCells::load(&models_folder()?))?
             .feature_map(grey, size)

@@ -3,6 +3,7 @@ use std::path::Path;
 use crate::flow::{DenseFeatures, FeatureMap};
 use crate::networks::network_error;
 use ostra_compute::nn::{Network, NnError, Tensor, load};
+use ostra_core::image::ImageSize;
 use ostra_masks::MaskError;
 
 /// Computes features of cells of 8 × 8 pixels with the XFeat network.
@@ -33,14 +34,15 @@ impl XFeatCells {
 }
 
 impl DenseFeatures for XFeatCells {
-    fn feature_map(&self, grey: &[f32], size: (usize, usize)) -> Result<FeatureMap, MaskError> {
+    fn feature_map(&self, grey: &[f32], size: ImageSize) -> Result<FeatureMap, MaskError> {
         let (width, height) = (
-            size.0.next_multiple_of(MULTIPLE),
-            size.1.next_multiple_of(MULTIPLE),
+            size.width.next_multiple_of(MULTIPLE),
+            size.height.next_multiple_of(MULTIPLE),
         );
         // Repeat the last column and row up to the size that the network requires.
-        let shown = (0..width * height)
-            .map(|at| (at / width).min(size.1 - 1) * size.0 + (at % width).min(size.0 - 1));
+        let shown = (0..width * height).map(|at| {
+            (at / width).min(size.height - 1) * size.width + (at % width).min(size.width - 1)
+        });
         let input = Tensor::floats(&[1, 1, height, width], shown.map(|at| grey[at]).collect())
             .map_err(network_error)?;
         let given = self
@@ -61,7 +63,7 @@ impl DenseFeatures for XFeatCells {
         let planes = features.ok_or_else(unfit)?.as_floats();
         Ok(FeatureMap::of_planes(
             planes,
-            (columns, rows),
+            ImageSize::new(columns, rows),
             size,
             CELL_PX,
         ))

@@ -1,5 +1,7 @@
 use rayon::prelude::*;
 
+use ostra_core::image::ImageSize;
+
 /// Fractional bits of a weight.
 const PRECISION: u32 = 22;
 
@@ -9,43 +11,41 @@ struct Taps {
     weights: Vec<i64>,
 }
 
-/// Resizes an image from `from` to `to` (columns, rows) exactly as Pillow's bilinear filter does.
+/// Resizes an image from `from` to `to` exactly as Pillow's bilinear filter does.
 ///
 /// The result is bit-identical to Pillow's, with which the networks were trained: a triangle filter
 /// as wide as a new pixel where the image shrinks, rounded to bytes after the rows and after the
 /// columns.
-pub(super) fn resized(
-    pixels: &[[u8; 3]],
-    from: (usize, usize),
-    to: (usize, usize),
-) -> Vec<[u8; 3]> {
-    let columns = taps(from.0, to.0);
-    let mut wide = vec![[0; 3]; to.0 * from.1];
-    wide.par_chunks_mut(to.0)
-        .zip(pixels.par_chunks(from.0))
+pub(super) fn resized(pixels: &[[u8; 3]], from: ImageSize, to: ImageSize) -> Vec<[u8; 3]> {
+    let columns = taps(from.width, to.width);
+    let mut wide = vec![[0; 3]; to.width * from.height];
+    wide.par_chunks_mut(to.width)
+        .zip(pixels.par_chunks(from.width))
         .for_each(|(out, row)| {
             out.iter_mut()
                 .zip(&columns)
                 .for_each(|(out, taps)| *out = taps.sum(|at| row[at]));
         });
-    let rows = taps(from.1, to.1);
-    let mut out = vec![[0; 3]; to.0 * to.1];
-    out.par_chunks_mut(to.0).zip(&rows).for_each(|(out, taps)| {
-        out.iter_mut()
-            .enumerate()
-            .for_each(|(x, out)| *out = taps.sum(|at| wide[at * to.0 + x]));
-    });
+    let rows = taps(from.height, to.height);
+    let mut out = vec![[0; 3]; to.width * to.height];
+    out.par_chunks_mut(to.width)
+        .zip(&rows)
+        .for_each(|(out, taps)| {
+            out.iter_mut()
+                .enumerate()
+                .for_each(|(x, out)| *out = taps.sum(|at| wide[at * to.width + x]));
+        });
     out
 }
 
 /// Resizes an image like PyTorch's bilinear filter with antialiasing, without rounding.
 ///
 /// The result is `[3, rows, columns]`, 0–255.
-pub fn resized_planes(pixels: &[[u8; 3]], from: (usize, usize), to: (usize, usize)) -> Vec<f32> {
-    let columns = weights(from.0, to.0);
-    let mut wide = vec![[0.0f32; 3]; to.0 * from.1];
-    wide.par_chunks_mut(to.0)
-        .zip(pixels.par_chunks(from.0))
+pub fn resized_planes(pixels: &[[u8; 3]], from: ImageSize, to: ImageSize) -> Vec<f32> {
+    let columns = weights(from.width, to.width);
+    let mut wide = vec![[0.0f32; 3]; to.width * from.height];
+    wide.par_chunks_mut(to.width)
+        .zip(pixels.par_chunks(from.width))
         .for_each(|(out, row)| {
             for (out, (first, weights)) in out.iter_mut().zip(&columns) {
                 for (weight, pixel) in weights.iter().zip(&row[*first..]) {
@@ -55,13 +55,16 @@ pub fn resized_planes(pixels: &[[u8; 3]], from: (usize, usize), to: (usize, usiz
                 }
             }
         });
-    let rows = weights(from.1, to.1);
-    let mut out = vec![0.0; 3 * to.0 * to.1];
-    out.par_chunks_mut(to.0)
+    let rows = weights(from.height, to.height);
+    let mut out = vec![0.0; 3 * to.width * to.height];
+    out.par_chunks_mut(to.width)
         .enumerate()
         .for_each(|(line, out)| {
-            let (channel, (first, weights)) = (line / to.1, &rows[line % to.1]);
-            for (weight, row) in weights.iter().zip(wide[first * to.0..].chunks_exact(to.0)) {
+            let (channel, (first, weights)) = (line / to.height, &rows[line % to.height]);
+            for (weight, row) in weights
+                .iter()
+                .zip(wide[first * to.width..].chunks_exact(to.width))
+            {
                 out.iter_mut()
                     .zip(row)
                     .for_each(|(sum, value)| *sum += *weight as f32 * value[channel]);
@@ -114,18 +117,22 @@ mod tests {
     #[test]
     fn resizing_to_the_same_size_changes_nothing() {
         let pixels: Vec<[u8; 3]> = (0..15).map(|at| [at, 2 * at, 255 - at]).collect();
-        assert_eq!(resized(&pixels, (5, 3), (5, 3)), pixels);
+        assert_eq!(
+            resized(&pixels, ImageSize::new(5, 3), ImageSize::new(5, 3)),
+            pixels
+        );
     }
 
     #[test]
     fn planes_equal_the_rounded_image() {
         let pixels: Vec<[u8; 3]> = (0..63u8).map(|at| [at, 3 * at, 255 - at]).collect();
-        for to in [(4, 5), (20, 11)] {
+        let from = ImageSize::new(9, 7);
+        for to in [ImageSize::new(4, 5), ImageSize::new(20, 11)] {
             let (bytes, planes) = (
-                resized(&pixels, (9, 7), to),
-                resized_planes(&pixels, (9, 7), to),
+                resized(&pixels, from, to),
+                resized_planes(&pixels, from, to),
             );
-            for (channel, plane) in planes.chunks_exact(to.0 * to.1).enumerate() {
+            for (channel, plane) in planes.chunks_exact(to.area()).enumerate() {
                 let near = |(byte, value): (&[u8; 3], &f32)| {
                     (f32::from(byte[channel]) - value).abs() <= 1.01
                 };
@@ -143,12 +150,12 @@ mod tests {
         // quarters between two pixels.
         let row = [0, 0, 100, 200, 200, 200].map(|value| [value; 3]);
         assert_eq!(
-            resized(&row, (6, 1), (3, 1)),
+            resized(&row, ImageSize::new(6, 1), ImageSize::new(3, 1)),
             [14, 138, 200].map(|value| [value; 3])
         );
         let pair = [0, 100].map(|value| [value; 3]);
         assert_eq!(
-            resized(&pair, (2, 1), (4, 1)),
+            resized(&pair, ImageSize::new(2, 1), ImageSize::new(4, 1)),
             [0, 25, 75, 100].map(|value| [value; 3])
         );
     }

@@ -7,6 +7,7 @@ use super::non_maximum_suppression::non_maximum_suppression;
 use super::resize::resized;
 use crate::{GroundRequest, Grounded, MaskError, PxBox, TextGrounder};
 use ostra_compute::nn::{Network, NnError, Tensor, load};
+use ostra_core::image::ImageSize;
 use ostra_core::job::{Progress, Stopped};
 use ostra_frames::Image;
 
@@ -136,11 +137,7 @@ fn scale(image: &Image) -> f64 {
 fn fed(image: &Image, scale: f64) -> Vec<f32> {
     let shown = |count: u32| ((f64::from(count) * scale) as usize).clamp(1, SIDE);
     let (columns, rows) = (shown(image.width), shown(image.height));
-    let small = resized(
-        &image.pixels,
-        (image.width as usize, image.height as usize),
-        (columns, rows),
-    );
+    let small = resized(&image.pixels, image.size(), ImageSize::new(columns, rows));
     let mut planes = vec![PADDING; 3 * SIDE * SIDE];
     for (channel, plane) in planes.chunks_exact_mut(SIDE * SIDE).enumerate() {
         for (out, row) in plane

@@ -3,7 +3,7 @@ use rayon::prelude::*;
 use super::network::OBJECTS;
 use crate::networks::{LinearSample, corner_aligned_samples, odds};
 use ostra_compute::nn::{NnError, Tensor};
-use ostra_core::image::blend;
+use ostra_core::image::{ImageSize, blend};
 use ostra_frames::Image;
 
 /// Side of a cell in pixels; the first and the last pixel of a row are cell centres.
@@ -14,43 +14,43 @@ const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
 /// Slope of the cubic filter at a distance of one pixel.
 const SLOPE: f64 = -0.75;
 
-/// Returns the columns and rows of the network's input for an image size.
+/// Returns the size of the network's input for an image size.
 ///
 /// The longer side is reduced to at most `longest`. Both sides are then rounded to a whole number
 /// of cells plus one pixel.
-pub(super) fn shown_size(width: u32, height: u32, longest: u32) -> (usize, usize) {
+pub(super) fn shown_size(width: u32, height: u32, longest: u32) -> ImageSize {
     let scale = (f64::from(longest) / f64::from(width.max(height))).min(1.0);
     let whole = |side: u32| {
         let side = (f64::from(side) * scale).trunc();
         (((side - 1.0) / CELL).round_ties_even() * CELL) as usize + 1
     };
-    (whole(width), whole(height))
+    ImageSize::new(whole(width), whole(height))
 }
 
-/// Resizes the image to `shown` (columns, rows) and normalizes it: `[1, 3, rows, columns]`.
-pub(super) fn fed(image: &Image, shown: (usize, usize)) -> Result<Tensor, NnError> {
-    let (width, height) = (image.width as usize, image.height as usize);
-    let (columns, rows) = (taps(width, shown.0), taps(height, shown.1));
-    let mut wide = vec![[0.0f32; 3]; shown.0 * height];
-    wide.par_chunks_mut(shown.0)
+/// Resizes the image to `shown` and normalizes it: `[1, 3, rows, columns]`.
+pub(super) fn fed(image: &Image, shown: ImageSize) -> Result<Tensor, NnError> {
+    let ImageSize { width, height } = image.size();
+    let (columns, rows) = (taps(width, shown.width), taps(height, shown.height));
+    let mut wide = vec![[0.0f32; 3]; shown.width * height];
+    wide.par_chunks_mut(shown.width)
         .zip(image.pixels.par_chunks(width))
         .for_each(|(out, row)| {
             out.iter_mut()
                 .zip(&columns)
                 .for_each(|(out, taps)| *out = sum(taps, |at| row[at].map(f32::from)));
         });
-    let mut planes = vec![0.0; 3 * shown.0 * shown.1];
+    let mut planes = vec![0.0; 3 * shown.width * shown.height];
     planes
-        .par_chunks_mut(shown.0)
+        .par_chunks_mut(shown.width)
         .enumerate()
         .for_each(|(line, out)| {
-            let (channel, row) = (line / shown.1, line % shown.1);
+            let (channel, row) = (line / shown.height, line % shown.height);
             out.iter_mut().enumerate().for_each(|(x, out)| {
-                let value = sum(&rows[row], |at| [wide[at * shown.0 + x][channel]]);
+                let value = sum(&rows[row], |at| [wide[at * shown.width + x][channel]]);
                 *out = (value[0] / 255.0 - MEAN[channel]) / DEVIATION[channel];
             });
         });
-    Tensor::floats(&[1, 3, shown.1, shown.0], planes)
+    Tensor::floats(&[1, 3, shown.height, shown.width], planes)
 }
 
 /// Four source pixels and their weights.
@@ -88,21 +88,20 @@ fn sum<const N: usize>(taps: &Taps, pixel: impl Fn(usize) -> [f32; N]) -> [f32; 
     sums
 }
 
-/// Resizes a map of numbers from `from` to `shown` (columns, rows) by nearest neighbour.
-pub(super) fn nearest(
-    numbers: &[usize],
-    from: (usize, usize),
-    shown: (usize, usize),
-) -> Vec<usize> {
+/// Resizes a map of numbers from `from` to `shown` by nearest neighbour.
+pub(super) fn nearest(numbers: &[usize], from: ImageSize, shown: ImageSize) -> Vec<usize> {
     let places = |from: usize, to: usize| -> Vec<usize> {
         let scale = from as f32 / to as f32;
         (0..to)
             .map(|at| ((at as f32 * scale) as usize).min(from - 1))
             .collect()
     };
-    let (columns, rows) = (places(from.0, shown.0), places(from.1, shown.1));
+    let (columns, rows) = (
+        places(from.width, shown.width),
+        places(from.height, shown.height),
+    );
     rows.iter()
-        .flat_map(|&y| columns.iter().map(move |&x| numbers[y * from.0 + x]))
+        .flat_map(|&y| columns.iter().map(move |&x| numbers[y * from.width + x]))
         .collect()
 }
 
@@ -111,11 +110,11 @@ const MARGIN: f32 = 1e-5;
 
 /// Returns the probabilities of the background and of every object.
 ///
-/// The result is `[1 + objects][height][width]`, for an image of `size` (columns, rows), from the
+/// The result is `[1 + objects][height][width]`, for an image of `size`, from the
 /// logits of every group of ten. With several groups, the background is where no group sees an
 /// object, and objects compete by their odds (soft aggregation).
-pub(super) fn probabilities(groups: &[&Tensor], objects: usize, size: (usize, usize)) -> Vec<f32> {
-    let (width, height) = size;
+pub(super) fn probabilities(groups: &[&Tensor], objects: usize, size: ImageSize) -> Vec<f32> {
+    let ImageSize { width, height } = size;
     let mut values = vec![0.0; (objects + 1) * width * height];
     let mut rows: Vec<Vec<&mut [f32]>> = (0..height)
         .map(|_| Vec::with_capacity(objects + 1))
@@ -145,24 +144,27 @@ pub(super) fn probabilities(groups: &[&Tensor], objects: usize, size: (usize, us
 /// Logits of a group, interpolated to the image size with aligned corners.
 struct Enlarged<'a> {
     logits: &'a [f32],
-    from: (usize, usize),
+    from: ImageSize,
     columns: Vec<LinearSample>,
     rows: Vec<LinearSample>,
 }
 
 impl<'a> Enlarged<'a> {
-    fn new(logits: &'a Tensor, (width, height): (usize, usize)) -> Self {
-        let from = (logits.shape()[3], logits.shape()[2]);
+    fn new(logits: &'a Tensor, size: ImageSize) -> Self {
+        let from = ImageSize::new(logits.shape()[3], logits.shape()[2]);
         Self {
             logits: logits.as_floats(),
             from,
-            columns: corner_aligned_samples(from.0, width),
-            rows: corner_aligned_samples(from.1, height),
+            columns: corner_aligned_samples(from.width, size.width),
+            rows: corner_aligned_samples(from.height, size.height),
         }
     }
 
     fn line(&self, channel: usize, y: usize, out: &mut [f32]) {
-        let (columns, rows) = self.from;
+        let ImageSize {
+            width: columns,
+            height: rows,
+        } = self.from;
         let row = self.rows[y];
         let plane = &self.logits[channel * columns * rows..][..columns * rows];
         let (above, below) = (&plane[row.first * columns..], &plane[row.next * columns..]);
@@ -217,12 +219,12 @@ mod tests {
     #[test]
     fn input_sizes_are_whole_cells_plus_one_pixel() {
         // Values of the official test transform.
-        assert_eq!(shown_size(640, 480, 1040), (641, 481));
-        assert_eq!(shown_size(1920, 1080, 1040), (1041, 577));
-        assert_eq!(shown_size(1080, 1920, 1040), (577, 1041));
+        assert_eq!(shown_size(640, 480, 1040), ImageSize::new(641, 481));
+        assert_eq!(shown_size(1920, 1080, 1040), ImageSize::new(1041, 577));
+        assert_eq!(shown_size(1080, 1920, 1040), ImageSize::new(577, 1041));
         assert_eq!(
             shown_size(41, 25, 1040),
-            (33, 33),
+            ImageSize::new(33, 33),
             "halves go to the even number of cells"
         );
     }
@@ -238,7 +240,7 @@ mod tests {
                 height: 17,
                 pixels,
             },
-            (17, 17),
+            ImageSize::new(17, 17),
         )
         .unwrap();
         assert_eq!(fed.shape(), [1, 3, 17, 17]);
@@ -273,7 +275,11 @@ mod tests {
 
     #[test]
     fn corners_are_aligned_and_unused_channels_are_ignored() {
-        let found = probabilities(&[&logits([[0.0, 0.0], [2.0, 0.0], [9.0, 9.0]])], 1, (3, 1));
+        let found = probabilities(
+            &[&logits([[0.0, 0.0], [2.0, 0.0], [9.0, 9.0]])],
+            1,
+            ImageSize::new(3, 1),
+        );
         let sigmoid = |value: f32| 1.0 / (1.0 + (-value).exp());
         let expected = [2.0, 1.0, 0.0].map(sigmoid);
         for (x, expected) in expected.into_iter().enumerate() {
@@ -288,7 +294,7 @@ mod tests {
     fn groups_compete_by_their_odds() {
         let first = logits([[0.0; 2], [1.0; 2], [0.0; 2]]);
         let second = logits([[0.0; 2], [2.0; 2], [0.0; 2]]);
-        let found = probabilities(&[&first, &second], 11, (2, 1));
+        let found = probabilities(&[&first, &second], 11, ImageSize::new(2, 1));
         let sum: f32 = found.iter().step_by(2).sum();
         assert!((sum - 1.0).abs() < 1e-5);
         // Ten objects with logits 1, 0 … 0 against the background, and one with 2.

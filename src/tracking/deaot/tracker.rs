@@ -10,6 +10,7 @@ use crate::propagate::{
     most_probable, propagate, shown_labels,
 };
 use ostra_compute::nn::{Network, NnError, Tensor, load};
+use ostra_core::image::ImageSize;
 use ostra_core::job::Progress;
 use ostra_frames::Image;
 use ostra_masks::{Direction, LabelId, LabelMask, MaskError, TrackRequest, TrackedFrame, Tracker};
@@ -104,10 +105,10 @@ impl Tracker for Deaot {
 pub(super) struct DeaotPass<'a> {
     networks: Running<'a>,
     options: DeaotOptions,
-    /// Columns and rows of the network input, set by the first image.
+    /// Size of the network input, set by the first image.
     ///
     /// The memory needs one grid of cells for all images.
-    shown: Option<(usize, usize)>,
+    shown: Option<ImageSize>,
     /// Label of every number; the first has number 1.
     labels: Vec<LabelId>,
     groups: Vec<Group>,
@@ -149,7 +150,7 @@ impl<'a> DeaotPass<'a> {
             .collect()
     }
 
-    fn shown(&mut self, image: &Image) -> (usize, usize) {
+    fn shown(&mut self, image: &Image) -> ImageSize {
         let longest = self.options.longest_side;
         *self
             .shown
@@ -176,9 +177,9 @@ impl<'a> DeaotPass<'a> {
             .map(|group| group.propagate(networks, &features));
         let seen = seen.collect::<Result<Vec<_>, _>>()?;
         let logits: Vec<_> = seen.iter().map(|seen| &seen.logits).collect();
-        let size = (image.width as usize, image.height as usize);
+        let size = image.size();
         let probabilities = probabilities(&logits, self.labels.len(), size);
-        let numbers: Vec<usize> = most_probable(&probabilities, size.0 * size.1)
+        let numbers: Vec<usize> = most_probable(&probabilities, size.area())
             .into_iter()
             .map(|(number, _)| number)
             .collect();
@@ -305,8 +306,11 @@ impl<'a> DeaotPass<'a> {
         }
         let (last, by_number) = self.look(image)?;
         self.last = Some(last);
-        let size = (image.width as usize, image.height as usize);
-        Ok(LabelProbabilities::sorted(&self.labels, size, by_number))
+        Ok(LabelProbabilities::sorted(
+            &self.labels,
+            image.size(),
+            by_number,
+        ))
     }
 }
 
@@ -352,12 +356,11 @@ pub(super) struct NumberMap {
 
 impl NumberMap {
     /// Resizes the object numbers of an image to the network input.
-    fn new(numbers: &[usize], image: &Image, shown: (usize, usize)) -> Self {
-        let size = (image.width as usize, image.height as usize);
+    fn new(numbers: &[usize], image: &Image, shown: ImageSize) -> Self {
         Self {
-            numbers: nearest(numbers, size, shown),
-            columns: shown.0,
-            rows: shown.1,
+            numbers: nearest(numbers, image.size(), shown),
+            columns: shown.width,
+            rows: shown.height,
         }
     }
 }

@@ -209,7 +209,7 @@ mod tests {
             height: SIDE,
             pixels,
         };
-        Arc::new(TrackedImage::new(&image, (SIDE as usize, SIDE as usize)))
+        Arc::new(TrackedImage::new(&image, image.size()))
     }
 
     #[test]

@@ -100,22 +100,13 @@ impl Grid {
             for (found, patch) in found.iter_mut().zip(&patches) {
                 *found = start.at(patch.x + half, patch.y + half);
             }
-            sweep(
-                &patches,
-                found,
+            let search = PatchSearch {
+                patches: &patches,
                 columns,
                 to,
-                (0..patches.len()).collect(),
-                -1,
-            );
-            sweep(
-                &patches,
-                found,
-                columns,
-                to,
-                (0..patches.len()).rev().collect(),
-                1,
-            );
+            };
+            search.sweep(found, 0..patches.len(), -1);
+            search.sweep(found, (0..patches.len()).rev(), 1);
         });
         found
     }
@@ -161,37 +152,45 @@ impl Grid {
     }
 }
 
-/// Visits the patches in order and refines each displacement.
-///
-/// Each patch starts from the best of its own displacement and those of the two neighbours just
-/// visited. These lie one patch to the left and above (`towards` = −1), or to the right and below
-/// (`towards` = 1).
-fn sweep(
-    patches: &[Patch],
-    found: &mut [Vec2],
+/// A band of patches of the first image, and the image that they are searched in.
+struct PatchSearch<'a> {
+    patches: &'a [Patch],
+    /// Number of patches in a row.
     columns: usize,
-    to: &Level,
-    order: Vec<usize>,
-    towards: isize,
-) {
-    for at in order {
-        let patch = &patches[at];
-        let adjacent = at
-            .checked_add_signed(towards)
-            .filter(|&other| other / columns == at / columns);
-        let over = at.checked_add_signed(towards * columns as isize);
-        let mut best = found[at];
-        let mut least = patch.cost(to, best);
-        for neighbour in [adjacent, over].into_iter().flatten() {
-            let Some(&candidate) = found.get(neighbour) else {
-                continue;
-            };
-            let cost = patch.cost(to, candidate);
-            if cost < least {
-                (best, least) = (candidate, cost);
+    to: &'a Level,
+}
+
+impl PatchSearch<'_> {
+    /// Visits the patches in order and refines each displacement.
+    ///
+    /// Each patch starts from the best of its own displacement and those of the two neighbours just
+    /// visited. These lie one patch to the left and above (`towards` = −1), or to the right and below
+    /// (`towards` = 1).
+    fn sweep(&self, found: &mut [Vec2], order: impl Iterator<Item = usize>, towards: isize) {
+        let Self {
+            patches,
+            columns,
+            to,
+        } = *self;
+        for at in order {
+            let patch = &patches[at];
+            let adjacent = at
+                .checked_add_signed(towards)
+                .filter(|&other| other / columns == at / columns);
+            let over = at.checked_add_signed(towards * columns as isize);
+            let mut best = found[at];
+            let mut least = patch.cost(to, best);
+            for neighbour in [adjacent, over].into_iter().flatten() {
+                let Some(&candidate) = found.get(neighbour) else {
+                    continue;
+                };
+                let cost = patch.cost(to, candidate);
+                if cost < least {
+                    (best, least) = (candidate, cost);
+                }
             }
+            found[at] = patch.descend(to, best);
         }
-        found[at] = patch.descend(to, best);
     }
 }
 

@@ -69,8 +69,7 @@ pub(super) fn evidence(
         .collect();
     let shape_weight = options.shape_weight * object.nearness();
     let memory = recalled.map(|recalled| recalled.odds(object.id));
-    let votes =
-        beyond.and_then(|beyond| votes_of_both(object, prediction, (change, beyond), window));
+    let votes = beyond.and_then(|beyond| votes_of_both(object, prediction, change, beyond, window));
     let odds = window
         .places(width)
         .enumerate()
@@ -127,7 +126,8 @@ pub(super) fn evidence(
 fn votes_of_both(
     object: &Object,
     prediction: &Prediction,
-    (change, beyond): (&Change, &FrameAhead<'_>),
+    change: &Change,
+    beyond: &FrameAhead<'_>,
     window: Window,
 ) -> Option<Vec<Vote>> {
     let there = beyond.mask.region(object.id);

@@ -199,6 +199,14 @@ impl Template {
     }
 }
 
+/// The shape that an object is expected to have in a grid of cells.
+pub(super) struct ExpectedShape<'a> {
+    /// Share of each cell that the object covers.
+    pub share: &'a Plane,
+    /// Centre of the object, in pixels.
+    pub centre: Vec2,
+}
+
 impl Appearance {
     /// Learns the appearance of an object at `centre`; `share` is its part of each cell.
     pub fn new(cells: &Cells, share: &Plane, centre: Vec2) -> Self {
@@ -220,19 +228,18 @@ impl Appearance {
 
     /// Finds the object, at most `reach_px` from `predicted`.
     ///
-    /// `zoom` is its growth since the last frame. `shape` is the share of each cell that it is
-    /// expected to cover, around `shape_centre`.
+    /// `zoom` is its growth since the last frame.
     pub fn find(
         &mut self,
         cells: &Cells,
-        (shape, shape_centre): (&Plane, Vec2),
+        shape: &ExpectedShape<'_>,
         predicted: Vec2,
         zoom: f32,
         reach_px: f32,
     ) -> ObjectPlace {
         self.size *= zoom;
         self.last = self.last.scaled(zoom);
-        let ready = self.ready(cells, shape, shape_centre, zoom);
+        let ready = self.ready(cells, shape, zoom);
         let middle = cells.of_pixel(predicted);
         let reach = reach_px / cells.side as f32;
         let score = |fit: &ObjectFit, x: isize, y: isize| {
@@ -275,8 +282,8 @@ impl Appearance {
         }
     }
 
-    fn ready(&self, cells: &Cells, shape: &Plane, shape_centre: Vec2, zoom: f32) -> Ready {
-        let shape = Template::new(cells, shape, shape_centre, self.last.radius).scaled(zoom);
+    fn ready(&self, cells: &Cells, shape: &ExpectedShape<'_>, zoom: f32) -> Ready {
+        let shape = Template::new(cells, shape.share, shape.centre, self.last.radius).scaled(zoom);
         let contrast = shape.contrast();
         Ready {
             first: self.first.scaled(self.size),
@@ -293,7 +300,7 @@ impl Appearance {
 
     /// Updates the recent appearance from a frame that shows the object well.
     pub fn learn(&mut self, cells: &Cells, share: &Plane, centre: Vec2) {
-        let ready = self.ready(cells, share, centre, 1.0);
+        let ready = self.ready(cells, &ExpectedShape { share, centre }, 1.0);
         let at = cells.of_pixel(centre).round();
         self.usual = Some(ready.fit(cells, at.x as isize, at.y as isize));
         self.last.learn(&ready.shape);

@@ -7,6 +7,7 @@ use wide::f32x8;
 
 use super::plane::Plane;
 use crate::propagate::shown_labels;
+use ostra_core::image::ImageSize;
 use ostra_masks::{LabelId, LabelMask, MaskError};
 
 /// Computes features of an image cell by cell.
@@ -17,11 +18,11 @@ use ostra_masks::{LabelId, LabelMask, MaskError};
 pub trait DenseFeatures: Debug + Send + Sync {
     /// Returns the features of the cells.
     ///
-    /// `grey` has values 0–1, row by row; `size` is its columns and rows.
+    /// `grey` has values 0–1, row by row; `size` is that of the image.
     ///
     /// # Errors
     /// [`MaskError::Network`] if the network fails.
-    fn feature_map(&self, grey: &[f32], size: (usize, usize)) -> Result<FeatureMap, MaskError>;
+    fn feature_map(&self, grey: &[f32], size: ImageSize) -> Result<FeatureMap, MaskError>;
 }
 
 /// Features of the cells of an image.
@@ -41,20 +42,21 @@ impl FeatureMap {
     /// Values per cell.
     pub const DIM: usize = 64;
 
-    /// Creates a map from planes of shape `[DIM, plane_rows, plane_columns]`.
+    /// Creates a map from planes of shape `[DIM, rows, columns]`.
     ///
-    /// The first `columns` and `rows` of each plane cover the image.
+    /// `plane_size` counts the values of a plane, of which the first columns and rows cover the image
+    /// of `size`.
     #[must_use]
     pub fn of_planes(
         planes: &[f32],
-        (plane_columns, plane_rows): (usize, usize),
-        size: (usize, usize),
+        plane_size: ImageSize,
+        size: ImageSize,
         cell_px: usize,
     ) -> Self {
-        let (columns, rows) = (size.0.div_ceil(cell_px), size.1.div_ceil(cell_px));
-        let cells = plane_columns * plane_rows;
+        let (columns, rows) = (size.width.div_ceil(cell_px), size.height.div_ceil(cell_px));
+        let cells = plane_size.area();
         let values = (0..columns * rows).map(|cell| {
-            let at = cell / columns * plane_columns + cell % columns;
+            let at = cell / columns * plane_size.width + cell % columns;
             let values: [f32; Self::DIM] =
                 std::array::from_fn(|channel| planes[channel * cells + at]);
             let length = values
@@ -228,7 +230,12 @@ mod tests {
             .iter()
             .enumerate()
             .for_each(|(cell, number)| planes[number * 8 + cell] = 3.0);
-        Arc::new(FeatureMap::of_planes(&planes, (4, 2), (31, 16), 8))
+        Arc::new(FeatureMap::of_planes(
+            &planes,
+            ImageSize::new(4, 2),
+            ImageSize::new(31, 16),
+            8,
+        ))
     }
 
     #[test]

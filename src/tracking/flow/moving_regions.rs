@@ -39,14 +39,14 @@ pub fn moving_apart(
         Arc::new(TrackedImage::new(image, size)),
         Finest::Half,
     );
-    change.find_background(&[&Plane::of_mask(size.0, size.1, &known.inside)]);
+    change.find_background(&[&Plane::of_mask(size.width, size.height, &known.inside)]);
     let Some(background) = change.background else {
         return Vec::new();
     };
     let least = LEAST_PX.max(LEAST_NOISES * change.background_noise);
-    let against = Plane::from_fn(size.0, size.1, |x, y| {
+    let against = Plane::from_fn(size.width, size.height, |x, y| {
         let at = Vec2::new(x as f32, y as f32);
-        let trusted = change.reliable.values[y * size.0 + x] >= LEAST_RELIABLE;
+        let trusted = change.reliable.values[y * size.width + x] >= LEAST_RELIABLE;
         if trusted {
             change
                 .backward
@@ -63,8 +63,8 @@ pub fn moving_apart(
         .map(|(&motion, &known)| motion >= least && !known)
         .collect();
     let moving = Region {
-        width: size.0 as u32,
-        height: size.1 as u32,
+        width: size.width as u32,
+        height: size.height as u32,
         inside: moves,
     };
     let solid = moving.dilated(2.0).eroded(4.0).dilated(2.0);

@@ -2,7 +2,7 @@ use glam::{Affine2, Vec2};
 
 use super::cells::Cells;
 use super::change::Change;
-use super::locate::Appearance;
+use super::locate::{Appearance, ExpectedShape};
 use super::motion::{Step, similarity};
 use super::options::FlowOptions;
 use super::plane::{Plane, median};
@@ -172,18 +172,16 @@ impl Object {
         let reach = wider * options.search * self.usual_area().sqrt() + 3.0 * self.cell_side as f32;
         let predicted = motion.transform_point2(centre);
         let cells = self.cells(&change.next, predicted, reach);
-        let shape = if self.hidden > 0 {
+        let (shape, shape_centre) = if self.hidden > 0 {
             (&self.shape, self.shape_centre)
         } else {
             (&self.expected, centre)
         };
-        let place = self.appearance.find(
-            &cells,
-            (&cells.means(shape.0), shape.1),
-            predicted,
-            zoom,
-            reach,
-        );
+        let shape = ExpectedShape {
+            share: &cells.means(shape),
+            centre: shape_centre,
+        };
+        let place = self.appearance.find(&cells, &shape, predicted, zoom, reach);
         if place.corrected {
             if self.hidden == 0 {
                 self.motion = Affine2::from_translation(place.centre - centre);

@@ -14,6 +14,7 @@ use super::plane::Plane;
 use crate::flow::plane::Pyramid;
 use crate::flow::tracked_image::ImageCache;
 use crate::propagate::PassFrame;
+use ostra_core::image::ImageSize;
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore, ImageSource, Orientation};
 use ostra_masks::{Direction, LabelId, LabelMask, TrackRequest, TrackedFrame, Tracker};
@@ -433,7 +434,7 @@ fn range_is_respected_and_finished_frames_survive_a_stop() {
 fn prepared_image_is_cached_while_in_use() {
     let video = Video::new(2, &two_disks(), 0..0);
     let request = video.request(&[0]);
-    let size = (
+    let size = ImageSize::new(
         video.frames[1].width as usize,
         video.frames[1].height as usize,
     );
@@ -444,9 +445,10 @@ fn prepared_image_is_cached_while_in_use() {
     let mut images = ImageCache::new(size, None);
     let held = images.get(&frame(1)).unwrap();
     assert!(Arc::ptr_eq(&held, &images.get(&frame(1)).unwrap()));
-    let mut smaller = ImageCache::new((size.0 / 2, size.1 / 2), None);
+    let half = ImageSize::new(size.width / 2, size.height / 2);
+    let mut smaller = ImageCache::new(half, None);
     let small = smaller.get(&frame(1)).unwrap();
-    assert_eq!((small.width, small.height), (size.0 / 2, size.1 / 2));
+    assert_eq!(ImageSize::new(small.width, small.height), half);
     let watched = Arc::downgrade(&held);
     drop(held);
     assert!(

@@ -8,6 +8,7 @@ use super::dis::PATCH;
 use super::memory::{DenseFeatures, FeatureMap};
 use super::plane::{Plane, Pyramid, corners};
 use crate::propagate::PassFrame;
+use ostra_core::image::ImageSize;
 use ostra_frames::Image;
 use ostra_masks::lab::lab_of_pixel;
 use ostra_masks::{LabelId, LabelMask, MaskError};
@@ -27,18 +28,19 @@ pub(super) struct TrackedImage {
 }
 
 /// Returns the working size: the longer side has at most `most_side` pixels.
-pub(super) fn working_size(width: u32, height: u32, most_side: u32) -> (usize, usize) {
+pub(super) fn working_size(width: u32, height: u32, most_side: u32) -> ImageSize {
     let longest = width.max(height).max(1);
     let side = |length: u32| {
         let scaled = f64::from(length) * f64::from(most_side.min(longest)) / f64::from(longest);
         (scaled.round() as usize).max(1)
     };
-    (side(width), side(height))
+    ImageSize::new(side(width), side(height))
 }
 
 impl TrackedImage {
     /// Reduces the image to this size.
-    pub fn new(image: &Image, (width, height): (usize, usize)) -> Self {
+    pub fn new(image: &Image, size: ImageSize) -> Self {
+        let ImageSize { width, height } = size;
         let rgb = reduced(image, width, height);
         let byte = |channel: f32| (channel + 0.5) as u8;
         let lab: Vec<[f32; 3]> = rgb
@@ -76,7 +78,7 @@ impl TrackedImage {
             .map(|grey| grey / 255.0)
             .collect::<Vec<f32>>();
         self.feature_map = Some(Arc::new(
-            features.feature_map(&grey, (self.width, self.height))?,
+            features.feature_map(&grey, ImageSize::new(self.width, self.height))?,
         ));
         Ok(self)
     }
@@ -111,7 +113,8 @@ fn reduced(image: &Image, width: usize, height: usize) -> Vec<[f32; 3]> {
 ///
 /// Each pixel takes the label at its centre. A label that would get no pixel keeps the one that
 /// contains its first pixel.
-pub(super) fn reduced_mask(mask: &LabelMask, (width, height): (usize, usize)) -> LabelMask {
+pub(super) fn reduced_mask(mask: &LabelMask, size: ImageSize) -> LabelMask {
+    let ImageSize { width, height } = size;
     let place = |at: usize, target: usize, source: u32| {
         ((2 * at + 1) * source as usize / (2 * target)) as u32
     };
@@ -220,14 +223,14 @@ impl Resampling {
 
 /// Cache of the frames' prepared images at one size.
 pub(super) struct ImageCache<'a> {
-    size: (usize, usize),
+    size: ImageSize,
     features: Option<&'a dyn DenseFeatures>,
     /// Images still in use, by frame.
     made: BTreeMap<usize, Weak<TrackedImage>>,
 }
 
 impl<'a> ImageCache<'a> {
-    pub fn new(size: (usize, usize), features: Option<&'a dyn DenseFeatures>) -> Self {
+    pub fn new(size: ImageSize, features: Option<&'a dyn DenseFeatures>) -> Self {
         Self {
             size,
             features,

@@ -11,6 +11,7 @@ use super::tracked_image::{ImageCache, TrackedImage, enlarged_mask, reduced_mask
 use crate::propagate::{
     Answer, KeyframeUse, LookAhead, MaskPropagator, PassFrame, Section, propagate,
 };
+use ostra_core::image::ImageSize;
 use ostra_core::job::Progress;
 use ostra_masks::{
     Direction, LabelMask, MaskError, TrackRequest, TrackedFrame, Tracker, WalkedFrame, merged,
@@ -64,7 +65,7 @@ const SECOND: f32 = 3.0;
 struct FlowPropagator<'a> {
     options: &'a FlowOptions,
     progress: &'a Progress,
-    size: (usize, usize),
+    size: ImageSize,
     is_between: bool,
     changes: Changes<'a>,
     objects: Option<TrackedObjects<'a>>,
@@ -123,7 +124,9 @@ impl<'a> FlowPropagator<'a> {
         };
         let first = section.keyframes.keys().next();
         let of = first.map(|&frame| &request.frames[frame]);
-        let size = of.map_or((1, 1), |of| working_size(of.width, of.height, most_side));
+        let size = of.map_or(ImageSize::new(1, 1), |of| {
+            working_size(of.width, of.height, most_side)
+        });
         Self {
             options,
             progress,
@@ -167,7 +170,7 @@ fn frame_ahead<'c>(
     ahead: &mut LookAhead<'_, '_>,
 ) -> Result<Option<FrameAhead<'c>>, MaskError> {
     let known = ahead.frame(0)?.and_then(|frame| ahead.mask(frame.index));
-    let size = (change.next.width, change.next.height);
+    let size = ImageSize::new(change.next.width, change.next.height);
     Ok(known.map(|known| FrameAhead {
         change,
         mask: reduced_mask(&known.mask, size),

@@ -217,21 +217,15 @@ impl<'a> Work<'a> {
         for dy in 0..=2 * reach {
             for dx in 0..=2 * reach {
                 let away = Vec2::new(dx as f32, dy as f32) - reach as f32;
-                self.compare(target, seen, top, (dx, dy));
+                self.compare(target, seen, top, dx, dy);
                 let gain = weight.ln() - away.length_squared() / (2.0 * spread * spread);
-                self.weigh(seen, top, (dx, dy), gain);
+                self.weigh(seen, top, dx, dy, gain);
             }
         }
     }
 
     /// Computes squared differences to the pixels `dx` columns and `dy` rows further on.
-    fn compare(
-        &mut self,
-        target: &Planes<3>,
-        seen: &Planes<4>,
-        top: usize,
-        (dx, dy): (usize, usize),
-    ) {
+    fn compare(&mut self, target: &Planes<3>, seen: &Planes<4>, top: usize, dx: usize, dy: usize) {
         let wide = self.width + 2 * HALF;
         for (y, out) in self.differences.chunks_exact_mut(wide).enumerate() {
             let [l, a, b] = [0, 1, 2].map(|channel| &target.row(channel, 0, top + y)[..wide]);
@@ -247,7 +241,7 @@ impl<'a> Work<'a> {
     /// Adds the weights and weighted shares of the patches at offset (`dx`, `dy`).
     ///
     /// `gain` is the log-weight of an identical patch.
-    fn weigh(&mut self, seen: &Planes<4>, top: usize, (dx, dy): (usize, usize), gain: f32) {
+    fn weigh(&mut self, seen: &Planes<4>, top: usize, dx: usize, dy: usize, gain: f32) {
         let wide = self.width + 2 * HALF;
         let scale = f32x8::splat(-1.0 / (2.0 * SPREAD * SPREAD * BELL_SUM * BELL_SUM));
         let gain = f32x8::splat(gain);
@@ -287,6 +281,7 @@ fn eight(values: &[f32]) -> f32x8 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ostra_core::image::ImageSize;
     use ostra_frames::Image;
 
     const WIDTH: usize = 45;
@@ -318,7 +313,7 @@ mod tests {
                 height: HEIGHT as u32,
                 pixels,
             },
-            (WIDTH, HEIGHT),
+            ImageSize::new(WIDTH, HEIGHT),
         )
     }
 

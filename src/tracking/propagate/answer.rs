@@ -2,6 +2,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use rayon::prelude::*;
 
+use ostra_core::image::ImageSize;
 use ostra_masks::{LabelId, LabelMask, RunMask};
 
 /// A network's probability of each label in every pixel of a frame.
@@ -18,9 +19,9 @@ pub(crate) struct LabelProbabilities {
 
 impl LabelProbabilities {
     /// Creates the maps from those of the background and of `labels` in any order.
-    pub fn sorted(labels: &[LabelId], size: (usize, usize), maps: Vec<f32>) -> Self {
-        let (width, height) = size;
-        let area = width * height;
+    pub fn sorted(labels: &[LabelId], size: ImageSize, maps: Vec<f32>) -> Self {
+        let ImageSize { width, height } = size;
+        let area = size.area();
         let mut order: Vec<usize> = (0..labels.len()).collect();
         order.sort_by_key(|&at| labels[at]);
         let probabilities = if order.is_sorted() {

@@ -1,22 +1,22 @@
 use std::collections::BTreeMap;
 
-use super::depth_view::{DepthView, PixelBox};
+use super::depth_view::PixelBox;
 use super::options::{ReprojectionOptions, Tolerance};
-use super::vote::Votes;
+use super::vote::ReprojectedLabels;
 use ostra_core::job::{Progress, Stopped};
 use ostra_frames::Image;
 use ostra_masks::{LabelId, LabelMask};
 
 /// Decides the mask of a target frame; returns it with each label's confidence, 0–1.
 ///
-/// `depths` are the target's own depths, with holes filled from keyframes.
+/// `image` is that of the target.
 pub fn decide(
-    votes: &Votes,
-    (target, depths): (&DepthView, &[f32]),
+    evidence: &ReprojectedLabels,
     image: &Image,
     options: &ReprojectionOptions,
     progress: &Progress,
 ) -> Result<(LabelMask, BTreeMap<LabelId, f32>), Stopped> {
+    let votes = &evidence.votes;
     let mut mask = LabelMask::empty(image.width, image.height);
     let mut best = vec![0.0f32; mask.ids.len()];
     let boxes: BTreeMap<LabelId, PixelBox> = (votes.boxes().into_iter())
@@ -32,9 +32,9 @@ pub fn decide(
     };
     let edge_affinity = edge_affinity(
         image,
-        depths,
+        &evidence.depths,
         all,
-        &Tolerance::most(target, options),
+        &Tolerance::most(&evidence.target, options),
         options,
     );
     for (label, within) in boxes {

@@ -16,10 +16,11 @@ pub(super) use depth_view::{DepthView, DepthViews, PixelBox};
 pub(super) use depth_view::{PosedCamera, rays_of};
 pub(super) use draw::Completion;
 pub(super) use keyframe::fillers_for;
-pub(super) use keyframe_views::{KeyframeViews, ReprojectedLabels};
+pub(super) use keyframe_views::KeyframeViews;
 pub use options::ReprojectionOptions;
 pub(super) use options::Tolerance;
 pub use tracker::GeometryTracker;
+pub(super) use vote::ReprojectedLabels;
 
 #[cfg(test)]
 mod tests;

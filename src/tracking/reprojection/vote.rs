@@ -254,6 +254,58 @@ impl ViewLabels {
     }
 }
 
+/// Votes of the keyframes on a frame.
+#[derive(Debug)]
+pub(crate) struct ReprojectedLabels {
+    /// The frame.
+    pub target: DepthView,
+    /// Depths of the frame, with holes filled from keyframes.
+    pub depths: Vec<f32>,
+    pub votes: Votes,
+}
+
+impl ReprojectedLabels {
+    /// Returns the label that the keyframes agree on at a pixel; 0 is background.
+    ///
+    /// Only keyframes with a surface at the frame's depth vote. The label must win at least `share`
+    /// of their weights, which must sum to at least `weight`. Returns `None` if no label does, or
+    /// if the frame has no depth. Background counts only by the keyframes that have evidence about
+    /// `held`, the pixel's current label.
+    pub fn verdict(&self, pixel: usize, held: LabelId, share: f32, weight: f32) -> Option<LabelId> {
+        if self.target.depth.depths[pixel] <= 0.0 {
+            return None;
+        }
+        let is_confident = |label: LabelId, shown: LabelId| {
+            let [own, all] = self.votes.at(pixel, label, shown);
+            all >= weight && own >= share * all
+        };
+        let seen = self
+            .votes
+            .of_keyframes
+            .iter()
+            .filter_map(|(_, view_labels)| Some(view_labels.at(pixel)?.0));
+        let named = seen
+            .filter(|&label| label != LabelId::NONE)
+            .find(|&label| is_confident(label, label));
+        named.or_else(|| is_confident(held, LabelId::NONE).then_some(LabelId::NONE))
+    }
+
+    /// Returns whether something new has appeared at a pixel.
+    ///
+    /// This is the case if a keyframe sees through the pixel's surface, and none has a surface at
+    /// that place.
+    pub fn is_new(&self, pixel: usize) -> bool {
+        let view_labels = || {
+            self.votes
+                .of_keyframes
+                .iter()
+                .map(|(_, view_labels)| view_labels)
+        };
+        view_labels().any(|seen| seen.is_through(pixel))
+            && view_labels().all(|seen| seen.at(pixel).is_none())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -3,6 +3,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use glam::DVec2;
 
 use super::surfaces::{Surfaces, VoxelClick, VoxelSet};
+use super::voxels::ColoredView;
 use crate::reprojection::{
     Completion, DepthView, PixelBox, ReprojectionOptions, Tolerance, edge_affinity, label_scores,
 };
@@ -51,16 +52,16 @@ impl FrameBodies {
     /// `picture` is the same frame, prepared by the segmenter for single images.
     pub fn new(
         surfaces: Arc<Surfaces>,
-        views: &[(DepthView, Arc<Image>)],
+        views: &[ColoredView],
         prepared: Arc<dyn PreparedFrame>,
         progress: &Progress,
     ) -> Result<Self, SceneError> {
-        let (view, image) = &views[0];
+        let ColoredView { view, image } = &views[0];
         let options = ReprojectionOptions::default();
         let tolerance = Tolerance::most(view, &options);
         let mut completion = Completion::new(view, tolerance);
-        for (other, _) in &views[1..] {
-            completion.add(other, progress)?;
+        for other in &views[1..] {
+            completion.add(&other.view, progress)?;
         }
         let full = DepthView {
             depth: Arc::new(completion.finish()),

@@ -147,7 +147,10 @@ impl Means {
             }
         }
         let border = |((a, b), length)| {
-            let side = |of: u32| (self.places[of as usize], self.normals[of as usize]);
+            let side = |of: u32| OrientedPoint {
+                place: self.places[of as usize],
+                normal: self.normals[of as usize],
+            };
             let color =
                 (self.colors[a as usize] - self.colors[b as usize]) * Vec3::new(0.5, 1.0, 1.0);
             Border {
@@ -207,15 +210,23 @@ impl BoundaryWeights {
     }
 }
 
+/// A place on a surface with its normal.
+#[derive(Clone, Copy)]
+struct OrientedPoint {
+    place: Vec3,
+    /// Unit vector; zero if it is missing.
+    normal: Vec3,
+}
+
 /// Returns the angle between two normals in degrees, negative in a groove.
 ///
 /// It is 0 if a normal is missing.
-fn bend_deg((place_a, normal_a): (Vec3, Vec3), (place_b, normal_b): (Vec3, Vec3)) -> f32 {
-    if normal_a == Vec3::ZERO || normal_b == Vec3::ZERO {
+fn bend_deg(a: OrientedPoint, b: OrientedPoint) -> f32 {
+    if a.normal == Vec3::ZERO || b.normal == Vec3::ZERO {
         return 0.0;
     }
-    let bend = normal_a.angle_between(normal_b).to_degrees();
-    if (normal_a - normal_b).dot(place_a - place_b) < 0.0 {
+    let bend = a.normal.angle_between(b.normal).to_degrees();
+    if (a.normal - b.normal).dot(a.place - b.place) < 0.0 {
         -bend
     } else {
         bend
@@ -233,13 +244,14 @@ mod tests {
             Vec3::new(1.0, 0.0, 1.0).normalize(),
             Vec3::new(-1.0, 0.0, 1.0).normalize(),
         );
-        let groove = bend_deg((left, leaning), (right, away));
-        let ridge = bend_deg((left, away), (right, leaning));
+        let at = |place, normal| OrientedPoint { place, normal };
+        let groove = bend_deg(at(left, leaning), at(right, away));
+        let ridge = bend_deg(at(left, away), at(right, leaning));
         assert!(
             (groove + 90.0).abs() < 0.1 && (ridge - 90.0).abs() < 0.1,
             "{groove} {ridge}"
         );
-        assert_eq!(bend_deg((left, Vec3::ZERO), (right, away)), 0.0);
+        assert_eq!(bend_deg(at(left, Vec3::ZERO), at(right, away)), 0.0);
         let judgement = BoundaryWeights {
             groove_deg: 30.0,
             color: 80.0,

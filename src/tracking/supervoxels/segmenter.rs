@@ -2,7 +2,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::frame::FrameBodies;
 use super::surfaces::Surfaces;
-use crate::reprojection::{DepthView, DepthViews, fillers_for};
+use super::voxels::ColoredView;
+use crate::reprojection::{DepthViews, fillers_for};
 use ostra_cloud::SceneError;
 use ostra_core::job::Progress;
 use ostra_frames::{DepthMap, Frame, FrameStore, Image};
@@ -14,7 +15,7 @@ const MOST_VIEWS: usize = 16;
 const LEAST_VIEWS: usize = 3;
 
 /// Frame indices, and their depth and images.
-type CachedViews = (Vec<usize>, Vec<(DepthView, Arc<Image>)>);
+type CachedViews = (Vec<usize>, Vec<ColoredView>);
 
 /// The segmenter `geometry`: selects objects by their connectivity in 3-D.
 ///
@@ -65,15 +66,15 @@ impl GeometrySegmenter {
             return Ok(None);
         }
         let others = views.posed_cameras().filter(|&(other, _)| other != frame);
-        let (Some(own), Some(image)) = (views.load(frame)?, views.image(frame)?) else {
+        let (Some(view), Some(image)) = (views.load(frame)?, views.image(frame)?) else {
             return Ok(None);
         };
-        let around = fillers_for(&own, others, MOST_VIEWS);
-        let (mut numbers, mut loaded) = (vec![frame], vec![(own, image)]);
+        let around = fillers_for(&view, others, MOST_VIEWS);
+        let (mut numbers, mut loaded) = (vec![frame], vec![ColoredView { view, image }]);
         for other in around {
             if let (Some(view), Some(image)) = (views.load(other)?, views.image(other)?) {
                 numbers.push(other);
-                loaded.push((view, image));
+                loaded.push(ColoredView { view, image });
             }
         }
         Ok((loaded.len() >= LEAST_VIEWS).then_some((numbers, loaded)))
@@ -83,7 +84,7 @@ impl GeometrySegmenter {
     fn surfaces(
         &self,
         of: &[usize],
-        views: &[(DepthView, Arc<Image>)],
+        views: &[ColoredView],
         progress: &Progress,
     ) -> Result<Arc<Surfaces>, SceneError> {
         let mut made = self.made.lock().unwrap_or_else(PoisonError::into_inner);

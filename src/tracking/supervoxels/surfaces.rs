@@ -1,17 +1,14 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
-use std::sync::Arc;
 
 use rayon::prelude::*;
 
 use super::segmentation::{BoundaryWeights, Supervoxels};
 use super::tree::Tree;
-use super::voxels::Voxels;
-use crate::reprojection::DepthView;
+use super::voxels::{ColoredView, Voxels};
 use ostra_cloud::SceneError;
 use ostra_core::job::Progress;
 use ostra_core::statistics::upper_median;
-use ostra_frames::Image;
 
 /// Side of a voxel, in pixels at the median depth of the frames.
 const SIDE_PX: f32 = 4.5;
@@ -39,7 +36,7 @@ pub struct Surfaces {
 }
 
 impl Surfaces {
-    pub fn of(views: &[(DepthView, Arc<Image>)], progress: &Progress) -> Result<Self, SceneError> {
+    pub fn of(views: &[ColoredView], progress: &Progress) -> Result<Self, SceneError> {
         let least_views = if views.len() > 2 { 2 } else { 1 };
         let voxels = Voxels::of(views, side(views), least_views, progress)?;
         let mut separating_all = Vec::new();
@@ -99,8 +96,8 @@ impl Surfaces {
 }
 
 /// Returns the side of a voxel: the median over the frames of its size at median depth.
-fn side(views: &[(DepthView, Arc<Image>)]) -> f32 {
-    let width = |(view, _): &(DepthView, Arc<Image>)| {
+fn side(views: &[ColoredView]) -> f32 {
+    let width = |ColoredView { view, .. }: &ColoredView| {
         Some(SIDE_PX * view.median_depth()? / view.posed.camera.focal_px.x as f32)
     };
     let mut widths: Vec<f32> = views.iter().filter_map(width).collect();

@@ -6,6 +6,7 @@ use glam::{DVec2, DVec3, Vec3};
 use super::frame::FrameBodies;
 use super::segmenter::GeometrySegmenter;
 use super::surfaces::Surfaces;
+use super::voxels::ColoredView;
 use crate::reprojection::{DepthView, PosedCamera, rays_of};
 use ostra_core::job::Progress;
 use ostra_frames::{
@@ -201,9 +202,9 @@ fn frame() -> (FrameBodies, Vec<u8>) {
 fn frame_over(prepared: Arc<dyn PreparedFrame>) -> (FrameBodies, Vec<u8>) {
     let seen: Vec<_> = [0.0, -0.25, -0.12, 0.12, 0.25].map(view).into();
     let ids = seen[0].2.clone();
-    let views: Vec<(DepthView, Arc<Image>)> = seen
+    let views: Vec<ColoredView> = seen
         .into_iter()
-        .map(|(view, image, _)| (view, image))
+        .map(|(view, image, _)| ColoredView { view, image })
         .collect();
     let surfaces = Arc::new(Surfaces::of(&views, &Progress::default()).unwrap());
     (

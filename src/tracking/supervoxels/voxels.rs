@@ -33,10 +33,18 @@ struct Sums {
     views: u32,
 }
 
+/// A frame with depth, a camera and its image.
+pub struct ColoredView {
+    /// Depth and camera.
+    pub view: DepthView,
+    /// The frame's image.
+    pub image: Arc<Image>,
+}
+
 impl Voxels {
     /// Creates cubes of edge `side` (world units) that at least `least_views` frames see.
     pub fn of(
-        views: &[(DepthView, Arc<Image>)],
+        views: &[ColoredView],
         side: f32,
         least_views: u32,
         progress: &Progress,
@@ -130,11 +138,12 @@ fn cell(place: Vec3, side: f32) -> [i32; 3] {
 }
 
 fn cells_of(
-    (view, image): &(DepthView, Arc<Image>),
+    colored: &ColoredView,
     side: f32,
     progress: &Progress,
 ) -> Result<FxHashMap<[i32; 3], Sums>, SceneError> {
     progress.check()?;
+    let ColoredView { view, image } = colored;
     let mut cells: FxHashMap<[i32; 3], Sums> = FxHashMap::default();
     let (world, eye) = (
         view.to_world(),

@@ -1,6 +1,7 @@
 use rayon::prelude::*;
 
 use crate::networks::half_pixel_samples;
+use ostra_core::image::ImageSize;
 use ostra_frames::Image;
 use ostra_masks::onnx::resized_planes;
 use ostra_masks::{LabelId, LabelMask};
@@ -14,48 +15,51 @@ const DEVIATION: [f32; 3] = [58.395, 57.12, 57.375];
 /// Maximum longer side of the network input in pixels; very narrow images are reduced.
 const LONGEST: usize = 4096;
 
-/// Placement of an image in the network input, as (columns, rows).
+/// Placement of an image in the network input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Fit {
-    pub image: (usize, usize),
+    pub image: ImageSize,
     /// Size that the image is resized to.
-    shown: (usize, usize),
+    shown: ImageSize,
     /// Size with a border up to whole cells.
-    pub padded: (usize, usize),
-    /// Upper left corner of the image.
+    pub padded: ImageSize,
+    /// Column and row of the image's upper left corner.
     corner: (usize, usize),
 }
 
 impl Fit {
     /// Fits an image so that its shorter side has `short_side` pixels; `None` keeps its size.
     pub fn new(width: u32, height: u32, short_side: Option<u32>) -> Self {
-        let image = (width as usize, height as usize);
-        let short = image.0.min(image.1).max(1);
+        let image = ImageSize::new(width as usize, height as usize);
+        let short = image.width.min(image.height).max(1);
         let side = short_side.map_or(short, |side| side as usize);
         let side = side
-            .min(LONGEST * short / image.0.max(image.1).max(1))
+            .min(LONGEST * short / image.width.max(image.height).max(1))
             .max(1);
-        let shown = (side * image.0 / short, side * image.1 / short);
-        let padded = (
-            shown.0.next_multiple_of(CELL),
-            shown.1.next_multiple_of(CELL),
+        let shown = ImageSize::new(side * image.width / short, side * image.height / short);
+        let padded = ImageSize::new(
+            shown.width.next_multiple_of(CELL),
+            shown.height.next_multiple_of(CELL),
         );
         Self {
             image,
             shown,
             padded,
-            corner: ((padded.0 - shown.0) / 2, (padded.1 - shown.1) / 2),
+            corner: (
+                (padded.width - shown.width) / 2,
+                (padded.height - shown.height) / 2,
+            ),
         }
     }
 
-    /// Returns the columns and rows of cells.
-    pub fn cells(&self) -> (usize, usize) {
-        (self.padded.0 / CELL, self.padded.1 / CELL)
+    /// Returns the numbers of cells along the width and the height.
+    pub fn cells(&self) -> ImageSize {
+        ImageSize::new(self.padded.width / CELL, self.padded.height / CELL)
     }
 
     /// Returns the number of pixels of the network input.
     pub fn area(&self) -> usize {
-        self.padded.0 * self.padded.1
+        self.padded.area()
     }
 
     /// Returns the image as the key encoder's input, `[3, rows, columns]`.
@@ -64,9 +68,9 @@ impl Fit {
         let mut planes = vec![0.0; 3 * self.area()];
         let both = planes
             .chunks_exact_mut(self.area())
-            .zip(small.chunks_exact(self.shown.0 * self.shown.1));
+            .zip(small.chunks_exact(self.shown.area()));
         for (channel, (plane, small)) in both.enumerate() {
-            for (out, row) in self.rows(plane).zip(small.chunks_exact(self.shown.0)) {
+            for (out, row) in self.rows(plane).zip(small.chunks_exact(self.shown.width)) {
                 out.iter_mut()
                     .zip(row)
                     .for_each(|(out, v)| *out = (v - MEAN[channel]) / DEVIATION[channel]);
@@ -84,9 +88,10 @@ impl Fit {
         let from = |at: usize, shown: usize, image: usize| at * image / shown;
         for (map, &label) in maps.chunks_exact_mut(self.area()).zip(labels) {
             for (y, out) in self.rows(map).enumerate() {
-                let row =
-                    &mask.ids[from(y, self.shown.1, self.image.1) * self.image.0..][..self.image.0];
-                let is_there = |x: usize| row[from(x, self.shown.0, self.image.0)] == label;
+                let row = &mask.ids
+                    [from(y, self.shown.height, self.image.height) * self.image.width..]
+                    [..self.image.width];
+                let is_there = |x: usize| row[from(x, self.shown.width, self.image.width)] == label;
                 out.iter_mut()
                     .enumerate()
                     .for_each(|(x, out)| *out = f32::from(u8::from(is_there(x))));
@@ -98,12 +103,12 @@ impl Fit {
                 .position(|&id| id == label)
                 .filter(|_| is_lost)
             {
-                let (x, y) = (first % self.image.0, first / self.image.0);
+                let (x, y) = (first % self.image.width, first / self.image.width);
                 let at = (
-                    x * self.shown.0 / self.image.0,
-                    y * self.shown.1 / self.image.1,
+                    x * self.shown.width / self.image.width,
+                    y * self.shown.height / self.image.height,
                 );
-                map[(self.corner.1 + at.1) * self.padded.0 + self.corner.0 + at.0] = 1.0;
+                map[(self.corner.1 + at.1) * self.padded.width + self.corner.0 + at.0] = 1.0;
             }
         }
         maps
@@ -112,17 +117,18 @@ impl Fit {
     /// Resizes maps `[any][rows][columns]` to the image size by linear interpolation.
     pub fn enlarged(&self, maps: &[f32]) -> Vec<f32> {
         let (columns, rows) = (
-            half_pixel_samples(self.shown.0, self.image.0),
-            half_pixel_samples(self.shown.1, self.image.1),
+            half_pixel_samples(self.shown.width, self.image.width),
+            half_pixel_samples(self.shown.height, self.image.height),
         );
-        let mut out = vec![0.0; maps.len() / self.area() * self.image.0 * self.image.1];
-        out.par_chunks_mut(self.image.0)
+        let mut out = vec![0.0; maps.len() / self.area() * self.image.width * self.image.height];
+        out.par_chunks_mut(self.image.width)
             .enumerate()
             .for_each(|(line, out)| {
-                let map = &maps[line / self.image.1 * self.area()..][..self.area()];
-                let sample = rows[line % self.image.1];
+                let map = &maps[line / self.image.height * self.area()..][..self.area()];
+                let sample = rows[line % self.image.height];
                 let row = |at: usize| {
-                    &map[(self.corner.1 + at) * self.padded.0 + self.corner.0..][..self.shown.0]
+                    &map[(self.corner.1 + at) * self.padded.width + self.corner.0..]
+                        [..self.shown.width]
                 };
                 let (first, second) = (row(sample.first), row(sample.next));
                 for (out, column) in out.iter_mut().zip(&columns) {
@@ -139,10 +145,10 @@ impl Fit {
     fn rows<'a>(&self, map: &'a mut [f32]) -> impl Iterator<Item = &'a mut [f32]> + use<'a> {
         let (corner, shown) = (self.corner, self.shown);
         let rows = map
-            .chunks_exact_mut(self.padded.0)
+            .chunks_exact_mut(self.padded.width)
             .skip(corner.1)
-            .take(shown.1);
-        rows.map(move |row| &mut row[corner.0..][..shown.0])
+            .take(shown.height);
+        rows.map(move |row| &mut row[corner.0..][..shown.width])
     }
 }
 
@@ -155,14 +161,14 @@ mod tests {
         let fit = Fit::new(960, 540, Some(480));
         assert_eq!(
             (fit.shown, fit.padded, fit.corner),
-            ((853, 480), (864, 480), (5, 0))
+            (ImageSize::new(853, 480), ImageSize::new(864, 480), (5, 0))
         );
         let fit = Fit::new(300, 401, None);
         assert_eq!(
             (fit.shown, fit.padded, fit.corner),
-            ((300, 401), (304, 416), (2, 7))
+            (ImageSize::new(300, 401), ImageSize::new(304, 416), (2, 7))
         );
-        assert_eq!(Fit::new(90, 60, Some(72)).cells(), (7, 5));
+        assert_eq!(Fit::new(90, 60, Some(72)).cells(), ImageSize::new(7, 5));
     }
 
     #[test]

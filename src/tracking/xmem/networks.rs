@@ -2,6 +2,7 @@ use super::fit::Fit;
 use super::memory::{Elements, Widths, transpose};
 use crate::networks::{check_signature, mismatch, network_error, run};
 use ostra_compute::nn::{Network, NnError, Tensor};
+use ostra_core::image::ImageSize;
 use ostra_core::job::Progress;
 use ostra_frames::Image;
 use ostra_masks::MaskError;
@@ -77,12 +78,15 @@ impl Networks {
         fit: Fit,
         progress: &Progress,
     ) -> Result<ImageEncoding, MaskError> {
-        let (columns, rows) = fit.padded;
+        let ImageSize { width, height } = fit.padded;
         let image =
-            Tensor::floats(&[1, 3, rows, columns], fit.planes(image)).map_err(network_error)?;
+            Tensor::floats(&[1, 3, height, width], fit.planes(image)).map_err(network_error)?;
         let given = run(&self.key_encoder, &[("image", &image)], progress)?;
         let [key, shrinkage, selection, f16, f8, f4] = outputs(&self.key_encoder, given)?;
-        let (columns, rows) = fit.cells();
+        let ImageSize {
+            width: columns,
+            height: rows,
+        } = fit.cells();
         let count = columns * rows;
         let width = key.as_floats().len() / count;
         if shrinkage.shape() != [1, 1, rows, columns]
@@ -119,7 +123,10 @@ impl Networks {
         hidden: &[f32],
         progress: &Progress,
     ) -> Result<ObjectOutputs, MaskError> {
-        let (columns, rows) = seen.fit.cells();
+        let ImageSize {
+            width: columns,
+            height: rows,
+        } = seen.fit.cells();
         let [f16, f8, f4] = &seen.features;
         let size = columns * rows;
         let parts = readout
@@ -162,7 +169,10 @@ impl Networks {
         hidden: &[f32],
         progress: &Progress,
     ) -> Result<ObjectOutputs, MaskError> {
-        let (columns, rows) = seen.fit.cells();
+        let ImageSize {
+            width: columns,
+            height: rows,
+        } = seen.fit.cells();
         let (area, size) = (seen.fit.area(), columns * rows);
         let others = others(masks, area);
         let parts = masks
@@ -174,7 +184,7 @@ impl Networks {
         };
         for ((masks, others), hidden) in parts.zip(hidden.chunks(OBJECTS * self.hidden * size)) {
             let count = masks.len() / area;
-            let shape = [count, 1, seen.fit.padded.1, seen.fit.padded.0];
+            let shape = [count, 1, seen.fit.padded.height, seen.fit.padded.width];
             let masks = Tensor::floats(&shape, masks.to_vec()).map_err(network_error)?;
             let others = Tensor::floats(&shape, others.to_vec()).map_err(network_error)?;
             let hidden = Tensor::floats(&[count, self.hidden, rows, columns], hidden.to_vec())

@@ -2,6 +2,7 @@ use rayon::prelude::*;
 
 use crate::MaskError;
 use crate::onnx::resize::resized;
+use ostra_core::image::ImageSize;
 use ostra_frames::Image;
 
 /// Length of the input's shorter side, and maximum length of the longer one, pixels.
@@ -43,11 +44,7 @@ impl NetworkInput {
             );
             return Err(MaskError::Request(format!("{text}; crop it")));
         }
-        let pixels = resized(
-            &image.pixels,
-            (image.width as usize, image.height as usize),
-            (columns, rows),
-        );
+        let pixels = resized(&image.pixels, image.size(), ImageSize::new(columns, rows));
         Ok(Self {
             columns,
             rows,

@@ -2,6 +2,7 @@ use rayon::prelude::*;
 
 use super::part::{Canvas, Part};
 use crate::Region;
+use ostra_core::image::ImageSize;
 
 /// Weights of consecutive logits that sum to one pixel.
 struct Taps {
@@ -27,7 +28,7 @@ pub(super) fn enlarged(logits: &[f32], fine: usize, part: Part, canvas: Canvas) 
     };
     let (shown, side) = (part.shown(canvas), canvas.side);
     let (width, height) = (part.width as usize, part.height as usize);
-    let columns = taps(fine, side, shown.0, width);
+    let columns = taps(fine, side, shown.width, width);
     let mut wide = vec![0.0; fine * width];
     wide.par_chunks_mut(width)
         .zip(logits.par_chunks(fine))
@@ -36,7 +37,7 @@ pub(super) fn enlarged(logits: &[f32], fine: usize, part: Part, canvas: Canvas) 
                 .zip(&columns)
                 .for_each(|(out, taps)| *out = taps.sum(|at| row[at]));
         });
-    let rows = taps(fine, side, shown.1, height);
+    let rows = taps(fine, side, shown.height, height);
     let mut out = vec![0.0; width * height];
     out.par_chunks_mut(width)
         .zip(&rows)
@@ -108,7 +109,10 @@ const CONFIDENT: f32 = 10.0;
 ///
 /// Returns `fine · fine` logits of the square, from the share of each cell that is inside.
 pub(super) fn hint(region: &Region, part: Part, canvas: Canvas, fine: usize) -> Vec<f32> {
-    let (columns, rows) = part.shown(canvas);
+    let ImageSize {
+        width: columns,
+        height: rows,
+    } = part.shown(canvas);
     let steps = fine * SAMPLES;
     // Image pixel under each sample along an axis; `None` in the padding.
     let along = |first: u32, count: u32, shown: usize| -> Vec<Option<u32>> {

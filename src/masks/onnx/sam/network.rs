@@ -10,6 +10,7 @@ use super::part::{Canvas, Part};
 use crate::onnx::resize::resized;
 use crate::{MaskError, PreparedFrame, Segmenter};
 use ostra_compute::nn::{Network, NnError, Signature, Tensor, load};
+use ostra_core::image::ImageSize;
 use ostra_core::job::{Progress, Stopped};
 use ostra_frames::{DepthMap, Image};
 
@@ -223,7 +224,7 @@ fn fed(image: &Image, part: Part, canvas: Canvas) -> Result<Tensor, NnError> {
     let (shown, side) = (part.shown(canvas), canvas.side);
     let small = resized(
         &pixels(image, part),
-        (part.width as usize, part.height as usize),
+        ImageSize::new(part.width as usize, part.height as usize),
         shown,
     );
     let mut planes = vec![0.0; 3 * side * side];
@@ -232,8 +233,8 @@ fn fed(image: &Image, part: Part, canvas: Canvas) -> Result<Tensor, NnError> {
         .enumerate()
         .for_each(|(line, out)| {
             let (channel, row) = (line / side, line % side);
-            if row < shown.1 {
-                let values = small[row * shown.0..][..shown.0]
+            if row < shown.height {
+                let values = small[row * shown.width..][..shown.width]
                     .iter()
                     .map(|pixel| f32::from(pixel[channel]));
                 out.iter_mut()

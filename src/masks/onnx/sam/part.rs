@@ -1,6 +1,7 @@
 use glam::DVec2;
 
 use crate::{Prompt, PxBox, Region};
+use ostra_core::image::ImageSize;
 
 /// The square on which the networks see a part of an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -109,15 +110,15 @@ impl Part {
         region
     }
 
-    /// Returns the columns and rows that the part covers on the network's square.
-    pub(super) fn shown(&self, canvas: Canvas) -> (usize, usize) {
+    /// Returns the size of the part on the network's square.
+    pub(super) fn shown(&self, canvas: Canvas) -> ImageSize {
         let side = canvas.side;
         if canvas.is_filled {
-            return (side, side);
+            return ImageSize::new(side, side);
         }
         let scale = side as f64 / f64::from(self.width.max(self.height));
         let shown = |count: u32| ((f64::from(count) * scale + 0.5) as usize).max(1);
-        (shown(self.width), shown(self.height))
+        ImageSize::new(shown(self.width), shown(self.height))
     }
 
     /// Converts a click to pixels of the network's square.
@@ -140,10 +141,10 @@ impl Part {
     }
 
     fn on_canvas(&self, index_px: DVec2, canvas: Canvas) -> [f32; 2] {
-        let (columns, rows) = self.shown(canvas);
+        let shown = self.shown(canvas);
         let scale = DVec2::new(
-            columns as f64 / f64::from(self.width),
-            rows as f64 / f64::from(self.height),
+            shown.width as f64 / f64::from(self.width),
+            shown.height as f64 / f64::from(self.height),
         );
         ((index_px - self.origin()) * scale).as_vec2().to_array()
     }
