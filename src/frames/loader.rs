@@ -152,7 +152,7 @@ impl Loader {
             Pixels::Image(_) => decode()?,
         };
         let path = source.sensor_path().unwrap_or(frame.image.path());
-        check_size(frame, path, (depth.width, depth.height))?;
+        check_size(frame, path, depth.width, depth.height)?;
         Ok(Some(depth))
     }
 
@@ -174,9 +174,9 @@ impl Loader {
                 orientation,
                 camera,
             } => {
-                let check = |size| match camera {
-                    Some(camera) => check_lens_size(path, camera, size),
-                    None => check_size(frame, path, size),
+                let check = |(width, height)| match camera {
+                    Some(camera) => check_lens_size(path, camera, width, height),
+                    None => check_size(frame, path, width, height),
                 };
                 let measured = decode_depth(path, *unit, *orientation, &check)?;
                 match camera {
@@ -194,7 +194,9 @@ impl Loader {
     pub fn opaque_pixels(&self, frame: &Frame) -> Result<Option<Vec<bool>>, FrameError> {
         match &frame.image {
             ImageSource::File { path, orientation } => {
-                opaque_pixels(path, *orientation, &|size| check_size(frame, path, size))
+                opaque_pixels(path, *orientation, &|(width, height)| {
+                    check_size(frame, path, width, height)
+                })
             }
             ImageSource::Video { .. } => Ok(None),
         }
@@ -204,7 +206,9 @@ impl Loader {
     pub fn decode_image(&self, frame: &Frame) -> Result<Arc<Image>, FrameError> {
         let image = match &frame.image {
             ImageSource::File { path, orientation } => {
-                decode_image(path, *orientation, &|size| check_size(frame, path, size))?
+                decode_image(path, *orientation, &|(width, height)| {
+                    check_size(frame, path, width, height)
+                })?
             }
             ImageSource::Video {
                 path,
@@ -225,7 +229,8 @@ impl Loader {
 fn check_lens_size(
     path: &Path,
     by: &DepthCamera,
-    (now_width, now_height): (u32, u32),
+    now_width: u32,
+    now_height: u32,
 ) -> Result<(), FrameError> {
     let (width, height) = (by.intrinsics.width, by.intrinsics.height);
     if (now_width, now_height) == (width, height) {
@@ -273,11 +278,11 @@ pub(super) fn depth_bytes(frame: &Frame) -> usize {
 }
 
 fn checked(frame: &Frame, image: Arc<Image>) -> Result<Arc<Image>, FrameError> {
-    check_size(frame, frame.image.path(), (image.width, image.height))?;
+    check_size(frame, frame.image.path(), image.width, image.height)?;
     Ok(image)
 }
 
-fn check_size(frame: &Frame, path: &Path, (width, height): (u32, u32)) -> Result<(), FrameError> {
+fn check_size(frame: &Frame, path: &Path, width: u32, height: u32) -> Result<(), FrameError> {
     if (width, height) == (frame.width, frame.height) {
         return Ok(());
     }

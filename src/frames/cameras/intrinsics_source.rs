@@ -182,7 +182,8 @@ impl GivenDepthCamera {
     /// As [`GivenIntrinsics::for_image`].
     pub fn for_depth(
         &self,
-        (width, height): (u32, u32),
+        width: u32,
+        height: u32,
         turn: QuarterRotation,
     ) -> Result<DepthCamera, String> {
         let intrinsics = self.intrinsics.for_image(width, height)?.turned(turn);
@@ -267,7 +268,7 @@ mod tests {
         }
         .read()
         .unwrap();
-        let upright = given.for_depth((32, 24), QuarterRotation::None).unwrap();
+        let upright = given.for_depth(32, 24, QuarterRotation::None).unwrap();
         assert_eq!(
             upright.image_from_depth.translation,
             DVec3::new(0.025, 0.003, -0.01)
@@ -278,7 +279,7 @@ mod tests {
             QuarterRotation::Half,
             QuarterRotation::Anticlockwise,
         ] {
-            let turned = given.for_depth((32, 24), turn).unwrap();
+            let turned = given.for_depth(32, 24, turn).unwrap();
             let point = |camera: &DepthCamera, at_px| {
                 camera
                     .image_from_depth

@@ -216,7 +216,8 @@ impl Sensor {
                     what: format!("{error}; its depth has a camera, which cannot be mirrored"),
                 };
                 let turn = QuarterRotation::from_exif(image.orientation.0).map_err(mirrored)?;
-                Some(Box::new(given.for_depth(size, turn).map_err(invalid)?))
+                let camera = given.for_depth(depth.width, depth.height, turn);
+                Some(Box::new(camera.map_err(invalid)?))
             }
             None if size == of_image => None,
             None => {

@@ -15,6 +15,14 @@ pub(super) struct Target {
     pub time_s: f64,
 }
 
+/// A request to read a frame, and how far to decode beyond it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FrameRequest {
+    pub target: Target,
+    /// Number of frames to decode ahead of requests; at least 1.
+    pub ahead: usize,
+}
+
 /// Seconds before the requested frame to seek to, tried in turn while a seek lands too late.
 ///
 /// A seek lands behind leading frames that cannot be decoded without the frames before the key
@@ -234,9 +242,10 @@ pub(super) fn read_frame(
     programs: &Programs,
     path: &Path,
     running: Option<Running>,
-    (target, ahead): (Target, usize),
+    request: FrameRequest,
     known: &mut Knowledge,
 ) -> Result<(Image, Running), FrameError> {
+    let target = request.target;
     let usable = |running: &Running| known.damage.is_none() || running.is_single_thread;
     if let Some(mut running) = running.filter(usable) {
         match running.advance(target, known) {
@@ -247,7 +256,7 @@ pub(super) fn read_frame(
     }
     loop {
         let was_damaged = known.damage.is_some();
-        match start_and_read(programs, path, (target, ahead), known)? {
+        match start_and_read(programs, path, request, known)? {
             Ok(found) => return Ok(found),
             // Try again with one thread.
             Err(Missed::Error(_)) if !was_damaged => {}
@@ -259,9 +268,10 @@ pub(super) fn read_frame(
 fn start_and_read(
     programs: &Programs,
     path: &Path,
-    (target, ahead): (Target, usize),
+    request: FrameRequest,
     known: &mut Knowledge,
 ) -> Result<Result<(Image, Running), Missed>, FrameError> {
+    let FrameRequest { target, ahead } = request;
     let mut missed = Missed::Passed;
     for start in known.starts(target, ahead) {
         let is_from_start = start.seek_s.is_none();

@@ -4,7 +4,7 @@ use std::sync::{Arc, Condvar, LazyLock, Mutex, MutexGuard, PoisonError};
 
 use super::probe::Stream;
 use super::programs::{Programs, input};
-use super::search::{Damage, Knowledge, Running, Target, read_frame};
+use super::search::{Damage, FrameRequest, Knowledge, Running, Target, read_frame};
 use crate::{FrameError, Image};
 use ostra_core::job::Progress;
 
@@ -105,13 +105,11 @@ impl Videos {
         let mut mine = known.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let had_damage = mine.damage.is_some();
         let running = lease.decoder.take();
-        let read = read_frame(
-            &self.programs,
-            video,
-            running,
-            (Target { index, time_s }, ahead),
-            &mut mine,
-        );
+        let request = FrameRequest {
+            target: Target { index, time_s },
+            ahead,
+        };
+        let read = read_frame(&self.programs, video, running, request, &mut mine);
         {
             let mut shared = known.lock().unwrap_or_else(PoisonError::into_inner);
             if let Some(damage) = mine
