@@ -16,7 +16,7 @@
 //! - [`stroke`], [`fill_polygons`], [`pull`], [`tidy`] and [`ShapeBlend`] are manual edits.
 //!   [`PaintRule`] decides whether other labels are painted over.
 //! - [`unexplained`] finds areas without a label that may be new objects.
-//! - [`import_masks`] and [`export_masks`] read and write the formats of [`MaskFormat`].
+//! - [`MaskFormat`] reads and writes masks in files of other programs.
 //!
 //! Positions are in pixels of the image as displayed. The origin is the top-left corner of the
 //! image, so the centre of the top-left pixel is at (0.5, 0.5). Pixel data is stored row by row.
@@ -92,8 +92,7 @@ pub use engines::{
 pub use error::MaskError;
 pub use formats::{
     Imported, MaskFolder, MaskFormat, MaskFrame, MatchedMask, MatchedMasks, encode_palette_png,
-    export_masks, file_stems, import_masks, read_labels_json, read_palette_png,
-    read_palette_png_of, write_labels_json,
+    file_stems, read_labels_json, read_palette_png, read_palette_png_of, write_labels_json,
 };
 pub use lab::{lab_of_pixel, squared_difference};
 pub use label_tree::{Label, LabelId, LabelTree, MAX_DEPTH};

@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 use glam::{DVec2, IVec2};
 
 use super::Region;
@@ -101,8 +103,8 @@ pub fn simplified_ring(ring: &[DVec2], tolerance_px: f64) -> Option<Vec<DVec2>> 
     closed.push(first);
     let mut kept = vec![false; closed.len()];
     (kept[0], kept[far]) = (true, true);
-    keep_corners(&closed, (0, far), tolerance_px, &mut kept);
-    keep_corners(&closed, (far, ring.len()), tolerance_px, &mut kept);
+    keep_corners(&closed, 0..far, tolerance_px, &mut kept);
+    keep_corners(&closed, far..ring.len(), tolerance_px, &mut kept);
     let corners: Vec<DVec2> = ring
         .iter()
         .zip(&kept)
@@ -112,8 +114,9 @@ pub fn simplified_ring(ring: &[DVec2], tolerance_px: f64) -> Option<Vec<DVec2>> 
     (corners.len() >= 3).then_some(corners)
 }
 
-fn keep_corners(line: &[DVec2], ends: (usize, usize), tolerance_px: f64, kept: &mut [bool]) {
-    let mut open = vec![ends];
+/// Marks the corners that a simplified line keeps between its corners at the ends of `part`.
+fn keep_corners(line: &[DVec2], part: Range<usize>, tolerance_px: f64, kept: &mut [bool]) {
+    let mut open = vec![(part.start, part.end)];
     while let Some((from, to)) = open.pop() {
         let off = |&at: &usize| distance_to_segment(line[at], line[from], line[to]);
         let Some(farthest) = (from + 1..to).max_by(|a, b| off(a).total_cmp(&off(b))) else {

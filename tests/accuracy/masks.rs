@@ -6,7 +6,7 @@ use ostra_core::job::Progress;
 use ostra_eval::mask_score::{ScoreOptions, score_masks};
 use ostra_masks::{
     Label, LabelId, LabelMask, LabelTree, MaskFormat, MaskFrame, RunMask, deepest_point,
-    export_masks, import_masks, read_palette_png,
+    read_palette_png,
 };
 
 use crate::data::data_dir;
@@ -20,14 +20,9 @@ fn frame_names() -> Vec<String> {
 
 fn imported(dir: &Path, format: MaskFormat, names: &[String]) -> Vec<(usize, RunMask)> {
     let frames: Vec<MaskFrame<'_>> = frames(names);
-    let read = import_masks(
-        dir,
-        format,
-        &frames,
-        &LabelTree::default(),
-        &Progress::default(),
-    )
-    .unwrap();
+    let read = format
+        .import_masks(dir, &frames, &LabelTree::default(), &Progress::default())
+        .unwrap();
     assert!(read.warnings.is_empty(), "{:?}", read.warnings);
     read.masks.into_iter().collect()
 }
@@ -72,15 +67,15 @@ fn scores_of_shifted_masks_equal_an_independent_computation() {
             .iter()
             .map(|(frame, mask)| (*frame, RunMask::encode(&shifted(&mask.decode(), by))));
         let tree = LabelTree::default();
-        export_masks(
-            dir.path(),
-            MaskFormat::Davis,
-            &frames(&names),
-            moved,
-            &tree,
-            &Progress::default(),
-        )
-        .unwrap();
+        MaskFormat::Davis
+            .export_masks(
+                dir.path(),
+                &frames(&names),
+                moved,
+                &tree,
+                &Progress::default(),
+            )
+            .unwrap();
         let score =
             score_masks(&data.join(CLIP), dir.path(), &options, &Progress::default()).unwrap();
         assert_eq!((score.frames, score.labels.len()), (42, 1));
@@ -109,15 +104,15 @@ fn real_masks_survive_every_format() {
     for format in MaskFormat::ALL {
         let dir = tempfile::tempdir().unwrap();
         let held = masks.iter().map(|(frame, mask)| (*frame, mask));
-        export_masks(
-            dir.path(),
-            format,
-            &frames(&names),
-            held,
-            &tree,
-            &Progress::default(),
-        )
-        .unwrap();
+        format
+            .export_masks(
+                dir.path(),
+                &frames(&names),
+                held,
+                &tree,
+                &Progress::default(),
+            )
+            .unwrap();
         assert_eq!(imported(dir.path(), format, &names), masks, "{format:?}");
     }
 }

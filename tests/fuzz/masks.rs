@@ -1,9 +1,7 @@
 //! Fuzz targets for masks and label lists of every format.
 
 use ostra_core::job::Progress;
-use ostra_masks::{
-    LabelTree, MaskFormat, MaskFrame, import_masks, read_labels_json, read_palette_png,
-};
+use ostra_masks::{LabelTree, MaskFormat, MaskFrame, read_labels_json, read_palette_png};
 
 use crate::harness::{Seed, fuzz};
 use crate::seeds;
@@ -27,13 +25,8 @@ fn fuzz_format(format: MaskFormat, iterations: usize, seeds: &[Seed]) {
         iterations,
         seeds.to_vec(),
         |folder, _| {
-            let imported = import_masks(
-                folder,
-                format,
-                &FRAMES,
-                &LabelTree::default(),
-                &Progress::default(),
-            );
+            let imported =
+                format.import_masks(folder, &FRAMES, &LabelTree::default(), &Progress::default());
             for (frame, mask) in imported.into_iter().flat_map(|imported| imported.masks) {
                 assert!(frame < FRAMES.len());
                 assert_eq!((mask.width, mask.height), (16, 12));

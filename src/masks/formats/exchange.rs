@@ -47,6 +47,76 @@ impl MaskFormat {
             Self::Yolo => "yolo",
         }
     }
+    /// Reads masks from a folder; for COCO, `dir` may also be the file itself.
+    ///
+    /// Files are matched to frames by name without extension: by the full path, then by the file name
+    /// alone. Damaged files or entries, and those whose size differs from their frame, are skipped and
+    /// named in the warnings.
+    ///
+    /// # Errors
+    /// [`MaskError::Io`]; [`MaskError::Invalid`] when no file can be used, nothing matches a frame, or
+    /// the mask values are not label ids; [`MaskError::Stopped`].
+    pub fn import_masks(
+        self,
+        dir: &Path,
+        frames: &[MaskFrame<'_>],
+        tree: &LabelTree,
+        progress: &Progress,
+    ) -> Result<Imported, MaskError> {
+        progress.stage("import masks")?;
+        match self {
+            Self::Davis => davis::import(dir, frames, tree, progress),
+            Self::Binary => binary::import(dir, frames, tree, progress),
+            Self::Coco => coco::import(dir, frames, tree, progress),
+            Self::Yolo => yolo::import(dir, frames, tree, progress),
+        }
+    }
+
+    /// Writes masks (frame number, mask) to a folder, creating it if needed.
+    ///
+    /// Each file is written atomically. Pixels keep their own, deepest label; use [`RunMask::at_level`]
+    /// for coarser ones.
+    ///
+    /// # Errors
+    /// [`MaskError::Io`] when the folder cannot be written; [`MaskError::Request`] when a mask does not
+    /// fit its frame or a frame name is not a valid file name; [`MaskError::Stopped`].
+    pub fn export_masks<M: Borrow<RunMask>>(
+        self,
+        dir: &Path,
+        frames: &[MaskFrame<'_>],
+        masks: impl IntoIterator<Item = (usize, M)>,
+        tree: &LabelTree,
+        progress: &Progress,
+    ) -> Result<(), MaskError> {
+        progress.stage("export masks")?;
+        let held: Vec<(usize, M)> = masks.into_iter().collect();
+        let masks: Vec<(usize, &RunMask)> = held
+            .iter()
+            .map(|(frame, mask)| (*frame, mask.borrow()))
+            .collect();
+        for &(frame, mask) in &masks {
+            let fits = frames
+                .get(frame)
+                .is_some_and(|frame| (frame.width, frame.height) == (mask.width, mask.height));
+            if !fits {
+                return Err(MaskError::Request(format!(
+                    "the mask of frame {frame} does not have the frame's size; make it again"
+                )));
+            }
+        }
+        let export = Export {
+            frames,
+            stems: file_stems(frames)?,
+            masks,
+            tree,
+        };
+        match self {
+            Self::Davis => davis::export(dir, &export, progress),
+            Self::Binary => binary::export(dir, &export, progress),
+            Self::Coco => coco::export(dir, &export, progress),
+            Self::Yolo => yolo::export(dir, &export, progress),
+        }
+    }
 }
 
 impl FromStr for MaskFormat {
@@ -62,76 +132,5 @@ impl FromStr for MaskFormat {
             .into_iter()
             .find(|format| format.name() == name)
             .ok_or_else(unknown)
-    }
-}
-
-/// Reads masks from a folder; for COCO, `dir` may also be the file itself.
-///
-/// Files are matched to frames by name without extension: by the full path, then by the file name
-/// alone. Damaged files or entries, and those whose size differs from their frame, are skipped and
-/// named in the warnings.
-///
-/// # Errors
-/// [`MaskError::Io`]; [`MaskError::Invalid`] when no file can be used, nothing matches a frame, or
-/// the mask values are not label ids; [`MaskError::Stopped`].
-pub fn import_masks(
-    dir: &Path,
-    format: MaskFormat,
-    frames: &[MaskFrame<'_>],
-    tree: &LabelTree,
-    progress: &Progress,
-) -> Result<Imported, MaskError> {
-    progress.stage("import masks")?;
-    match format {
-        MaskFormat::Davis => davis::import(dir, frames, tree, progress),
-        MaskFormat::Binary => binary::import(dir, frames, tree, progress),
-        MaskFormat::Coco => coco::import(dir, frames, tree, progress),
-        MaskFormat::Yolo => yolo::import(dir, frames, tree, progress),
-    }
-}
-
-/// Writes masks (frame number, mask) to a folder, creating it if needed.
-///
-/// Each file is written atomically. Pixels keep their own, deepest label; use [`RunMask::at_level`]
-/// for coarser ones.
-///
-/// # Errors
-/// [`MaskError::Io`] when the folder cannot be written; [`MaskError::Request`] when a mask does not
-/// fit its frame or a frame name is not a valid file name; [`MaskError::Stopped`].
-pub fn export_masks<M: Borrow<RunMask>>(
-    dir: &Path,
-    format: MaskFormat,
-    frames: &[MaskFrame<'_>],
-    masks: impl IntoIterator<Item = (usize, M)>,
-    tree: &LabelTree,
-    progress: &Progress,
-) -> Result<(), MaskError> {
-    progress.stage("export masks")?;
-    let held: Vec<(usize, M)> = masks.into_iter().collect();
-    let masks: Vec<(usize, &RunMask)> = held
-        .iter()
-        .map(|(frame, mask)| (*frame, mask.borrow()))
-        .collect();
-    for &(frame, mask) in &masks {
-        let fits = frames
-            .get(frame)
-            .is_some_and(|frame| (frame.width, frame.height) == (mask.width, mask.height));
-        if !fits {
-            return Err(MaskError::Request(format!(
-                "the mask of frame {frame} does not have the frame's size; make it again"
-            )));
-        }
-    }
-    let export = Export {
-        frames,
-        stems: file_stems(frames)?,
-        masks,
-        tree,
-    };
-    match format {
-        MaskFormat::Davis => davis::export(dir, &export, progress),
-        MaskFormat::Binary => binary::export(dir, &export, progress),
-        MaskFormat::Coco => coco::export(dir, &export, progress),
-        MaskFormat::Yolo => yolo::export(dir, &export, progress),
     }
 }

@@ -21,7 +21,7 @@ mod yolo;
 mod yolo_names;
 
 pub use davis::{encode_palette_png, read_palette_png, read_palette_png_of};
-pub use exchange::{MaskFormat, export_masks, import_masks};
+pub use exchange::MaskFormat;
 pub use frame_matching::{Imported, MaskFrame, file_stems};
 pub use labels_json::{read_labels_json, write_labels_json};
 pub use mask_folder::{MaskFolder, MatchedMask, MatchedMasks};

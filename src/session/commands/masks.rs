@@ -7,9 +7,7 @@ use crate::Session;
 use crate::{JobCompletion, JobKind};
 use ostra_core::job::JobId;
 use ostra_core::job::Progress;
-use ostra_masks::{
-    Imported, MaskFormat, MaskFrame, RunMask, export_masks, file_stems, import_masks,
-};
+use ostra_masks::{Imported, MaskFormat, MaskFrame, RunMask, file_stems};
 use ostra_project::export_targets::ExportTargets;
 use ostra_project::mask_edits::keyframe_of;
 use ostra_project::{Edit, Project};
@@ -19,9 +17,8 @@ impl Session {
         let (project, dir) = (self.snapshot()?, dir.to_owned());
         let format: MaskFormat = format.parse()?;
         Ok(self.start("Import masks", JobKind::Short, move |context| {
-            let imported = import_masks(
+            let imported = format.import_masks(
                 &dir,
-                format,
                 &mask_frames(&project),
                 &project.labels,
                 &context.progress,
@@ -99,9 +96,8 @@ pub fn write(
     let masks = project
         .masks_in_play()
         .map(|(frame, runs)| (frame, at_level(runs)));
-    Ok(export_masks(
+    Ok(format.export_masks(
         folder,
-        format,
         &mask_frames(project),
         masks,
         &project.labels,

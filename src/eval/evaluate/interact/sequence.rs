@@ -9,7 +9,7 @@ use serde::Serialize;
 use crate::evaluate::frames::{PIXEL_BYTES, read_frames, readable_frames};
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore};
-use ostra_masks::{LabelId, LabelTree, MaskFormat, MaskFrame, RunMask, import_masks};
+use ostra_masks::{LabelId, LabelTree, MaskFormat, MaskFrame, RunMask};
 use ostra_project::Project;
 
 /// Frames with ground truth masks.
@@ -48,13 +48,8 @@ impl Sequence {
         let (frames, unreadable) = readable_frames(frames, read, progress)?;
         warnings.extend(unreadable);
         let sized: Vec<MaskFrame<'_>> = frames.iter().map(MaskFrame::from).collect();
-        let imported = import_masks(
-            truth,
-            MaskFormat::Davis,
-            &sized,
-            &LabelTree::default(),
-            progress,
-        )?;
+        let imported =
+            MaskFormat::Davis.import_masks(truth, &sized, &LabelTree::default(), progress)?;
         warnings.extend(imported.warnings);
         let labels = LabelTree::try_from(imported.new_labels)?;
         let (frames, store) = (Arc::new(frames), Arc::new(store));

@@ -1,5 +1,5 @@
 use super::*;
-use ostra_masks::{Label, LabelTree, MaskFormat, MaskFrame, export_masks};
+use ostra_masks::{Label, LabelTree, MaskFormat, MaskFrame};
 
 fn mask(ids: [u16; 12]) -> RunMask {
     RunMask::new(4, 3, ids.map(|id| (LabelId(id), 1)).to_vec()).unwrap()
@@ -15,15 +15,9 @@ fn write(dir: &Path, masks: &[(&str, [u16; 12])], tree: &LabelTree) {
         })
         .collect();
     let masks = masks.iter().map(|&(_, ids)| mask(ids)).enumerate();
-    export_masks(
-        dir,
-        MaskFormat::Davis,
-        &frames,
-        masks,
-        tree,
-        &Progress::default(),
-    )
-    .unwrap();
+    MaskFormat::Davis
+        .export_masks(dir, &frames, masks, tree, &Progress::default())
+        .unwrap();
     if tree.iter().next().is_none() {
         std::fs::remove_file(dir.join("labels.json")).unwrap();
     }

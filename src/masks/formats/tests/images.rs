@@ -115,13 +115,7 @@ fn color_masks_require_listed_labels() {
         height: 2,
     }];
     let read = |dir: &Path| {
-        import_masks(
-            dir,
-            MaskFormat::Davis,
-            &frames,
-            &LabelTree::default(),
-            &Progress::default(),
-        )
+        MaskFormat::Davis.import_masks(dir, &frames, &LabelTree::default(), &Progress::default())
     };
     let [stem, rice] = [LabelId(2), LabelId(1)].map(LabelTree::color_for);
     let colors: Vec<u8> = [stem, [0; 3], rice, rice, stem].repeat(2).into_flattened();
@@ -160,15 +154,15 @@ fn white_is_label_one_unless_255_is_an_id() {
         let masks = [mask([ids[0], ids[1]]), mask([ids[1]])]
             .into_iter()
             .enumerate();
-        export_masks(
-            dir.path(),
-            MaskFormat::Davis,
-            &frames(&names),
-            masks,
-            &blank,
-            &Progress::default(),
-        )
-        .unwrap();
+        MaskFormat::Davis
+            .export_masks(
+                dir.path(),
+                &frames(&names),
+                masks,
+                &blank,
+                &Progress::default(),
+            )
+            .unwrap();
         std::fs::remove_file(dir.path().join("labels.json")).unwrap();
         (
             import(dir.path(), MaskFormat::Davis, &names, &blank).unwrap(),
@@ -263,9 +257,8 @@ fn read_greys(
             height: 36,
         })
         .collect();
-    import_masks(
+    MaskFormat::Davis.import_masks(
         dir.path(),
-        MaskFormat::Davis,
         &frames,
         &LabelTree::default(),
         &Progress::default(),

@@ -6,7 +6,7 @@ mod round_trip;
 
 use std::path::Path;
 
-use super::{Imported, MaskFormat, MaskFrame, export_masks, import_masks};
+use super::{Imported, MaskFormat, MaskFrame};
 use crate::{Label, LabelId, LabelMask, LabelTree, MaskError, RunMask};
 use ostra_core::job::Progress;
 
@@ -60,7 +60,7 @@ fn import(
     names: &[&str],
     tree: &LabelTree,
 ) -> Result<Imported, MaskError> {
-    import_masks(dir, format, &frames(names), tree, &Progress::default())
+    format.import_masks(dir, &frames(names), tree, &Progress::default())
 }
 
 fn export(
@@ -70,12 +70,5 @@ fn export(
     masks: &[(usize, RunMask)],
 ) -> Result<(), MaskError> {
     let masks = masks.iter().map(|(frame, mask)| (*frame, mask));
-    export_masks(
-        dir,
-        format,
-        &frames(names),
-        masks,
-        &tree(),
-        &Progress::default(),
-    )
+    format.export_masks(dir, &frames(names), masks, &tree(), &Progress::default())
 }

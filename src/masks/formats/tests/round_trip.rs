@@ -139,7 +139,7 @@ fn mask_of_another_size_is_skipped_and_both_sizes_are_named() {
         let mut frames = frames(&["a.png", "b.png"]);
         frames[1].width = 14;
         let import = |frames: &[MaskFrame<'_>]| {
-            import_masks(dir.path(), format, frames, &tree(), &Progress::default())
+            format.import_masks(dir.path(), frames, &tree(), &Progress::default())
         };
         let read = import(&frames).unwrap();
         assert_eq!(
@@ -156,9 +156,8 @@ fn mask_of_another_size_is_skipped_and_both_sizes_are_named() {
                 read.warnings
             );
         }
-        let error = export_masks(
+        let error = format.export_masks(
             dir.path(),
-            format,
             &frames,
             masks.clone(),
             &tree(),
@@ -227,18 +226,12 @@ fn import_and_export_can_be_stopped() {
     let masks = [(0, mask([1]))];
     for format in MaskFormat::ALL {
         let frames = frames(&["a.png"]);
-        let error = export_masks(
-            dir.path(),
-            format,
-            &frames,
-            masks.clone(),
-            &tree(),
-            &stopped,
-        )
-        .unwrap_err();
+        let error = format
+            .export_masks(dir.path(), &frames, masks.clone(), &tree(), &stopped)
+            .unwrap_err();
         assert!(matches!(error, MaskError::Stopped(_)));
         assert!(matches!(
-            import_masks(dir.path(), format, &frames, &tree(), &stopped),
+            format.import_masks(dir.path(), &frames, &tree(), &stopped),
             Err(MaskError::Stopped(_))
         ));
     }

@@ -118,15 +118,15 @@ fn system_folders_are_not_labels() {
     let recycler: LabelTree = vec![label].try_into().unwrap();
     let dir = tempfile::tempdir().unwrap();
     let (format, frames, one) = (MaskFormat::Binary, frames(&["a.jpg"]), mask([1]));
-    export_masks(
-        dir.path(),
-        format,
-        &frames,
-        [(0, &one)],
-        &recycler,
-        &Progress::default(),
-    )
-    .unwrap();
+    format
+        .export_masks(
+            dir.path(),
+            &frames,
+            [(0, &one)],
+            &recycler,
+            &Progress::default(),
+        )
+        .unwrap();
     assert_eq!(
         import(dir.path(), format, &["a.jpg"], &recycler)
             .unwrap()

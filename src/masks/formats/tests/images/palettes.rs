@@ -26,14 +26,9 @@ fn read_small(dir: &Path, names: &[&str]) -> Imported {
             height: 2,
         })
         .collect();
-    import_masks(
-        dir,
-        MaskFormat::Davis,
-        &frames,
-        &LabelTree::default(),
-        &Progress::default(),
-    )
-    .unwrap()
+    MaskFormat::Davis
+        .import_masks(dir, &frames, &LabelTree::default(), &Progress::default())
+        .unwrap()
 }
 
 fn ids_of(read: &Imported, frame: usize) -> Vec<u16> {
@@ -243,9 +238,8 @@ fn read_one(color: ColorType, bytes: &[u8]) -> Result<Imported, MaskError> {
         width: 5,
         height: 2,
     }];
-    import_masks(
+    MaskFormat::Davis.import_masks(
         dir.path(),
-        MaskFormat::Davis,
         &frames,
         &LabelTree::default(),
         &Progress::default(),
@@ -313,14 +307,14 @@ fn reordered_grey_palettes_are_read_as_greys() {
         width: 5,
         height: 2,
     }];
-    let read = import_masks(
-        dir.path(),
-        MaskFormat::Davis,
-        &frames,
-        &LabelTree::default(),
-        &Progress::default(),
-    )
-    .unwrap();
+    let read = MaskFormat::Davis
+        .import_masks(
+            dir.path(),
+            &frames,
+            &LabelTree::default(),
+            &Progress::default(),
+        )
+        .unwrap();
     assert_eq!(
         read.masks[&0].decode().ids,
         [0, 0, 1, 1, 0, 0, 0, 1, 1, 0].map(LabelId)
