@@ -150,7 +150,7 @@ fn files_below(folder: &Path, found: &mut Vec<String>) {
             files_below(&path, found);
         } else {
             let name = path.strip_prefix(root()).unwrap();
-            let parts = name.components().map(|part| part.as_os_str());
+            let parts = name.components().map(std::path::Component::as_os_str);
             let parts: Vec<_> = parts.map(|part| part.to_string_lossy()).collect();
             found.push(parts.join("/"));
         }

@@ -79,10 +79,6 @@ const WITHIN_M: f64 = 0.003;
 /// # Errors
 /// Returns an error if `out` cannot be written or holds other files, or if a stage fails or is
 /// stopped.
-#[expect(
-    clippy::too_many_lines,
-    reason = "the stages of the job, one after the other"
-)]
 pub fn run_demo(
     session: &mut Session,
     options: &DemoOptions,
@@ -93,108 +89,158 @@ pub fn run_demo(
     let _claim = workspace::prepare(out)?;
     let scene = Scene::build(&options.scene)?;
     let truth_cloud = clock.time("1 scene", || make_recording(&scene, out))?;
-    let truth_masks: Vec<LabelMask> = scene
-        .views()
-        .iter()
-        .map(|view| scene.render_exact(view).mask)
-        .collect();
-
-    let mut studio = DemoDriver::new(session, watch);
-    clock.time("2 open", || {
-        studio.act(Command::New(new_project(
-            out,
-            options.method,
-            scene.views(),
-        )))
-    })?;
-    if let Some((method, _)) = options.method.reconstruction() {
-        let request = ReconstructRequest {
-            method,
-            ..ReconstructRequest::default()
-        };
-        clock.time("3 reconstruct", || {
-            studio.act(Command::Reconstruct(request))
-        })?;
-    }
-    let separated = scene.classes_with_instances();
-    let mut user = SimulatedUser::new(
-        &mut studio,
-        truth_masks,
-        scene.tree(),
-        &scene.clicked_labels(),
-        &separated,
-    )?;
-    let first = user.clearest_frame();
-    clock.time("4 click", || {
-        user.click_on(&mut studio, first, FIRST_CLICKS)
-    })?;
-    clock.time("5 track", || SimulatedUser::track(&mut studio))?;
-    while let Some(frame) = user.worst_frame(&studio)? {
-        let before = user.clicks();
-        clock.time("4 click", || {
-            user.click_on(&mut studio, frame, CORRECTING_CLICKS)
-        })?;
-        if user.clicks() == before {
-            break;
-        }
-        clock.time("5 track", || SimulatedUser::track(&mut studio))?;
-    }
-    studio.session.release_memory();
-    clock.time("6 fuse", || {
-        studio.act(Command::Fuse(FuseRequest::default()))
-    })?;
-    if studio
-        .session
-        .votes()
-        .is_some_and(|votes| votes.has_voters())
-    {
-        clock.time("6 adopt", || {
-            studio.act(Command::Attach(AttachRequest::default()))
-        })?;
-    }
-    if !separated.is_empty() {
-        clock.time("6 instances", || {
-            separate_instances(&mut studio, &separated)
-        })?;
-    }
-    studio.session.release_memory();
-    clock.time("6 fuse", || {
-        studio.act(Command::Fuse(FuseRequest {
-            drop_unlabelled: true,
-            ..FuseRequest::default()
-        }))
-    })?;
-    let cloud_path = out.join("cloud.ply");
-    let mesh_path = studio.session.surface_voxel().map(|_| out.join("mesh.ply"));
-    let export = ExportRequest {
-        cloud: Some(cloud_path.clone()),
-        mesh: mesh_path.clone(),
-        ..ExportRequest::default()
+    let mut demo = Demo {
+        options,
+        scene: &scene,
+        separated: scene.classes_with_instances(),
+        studio: DemoDriver::new(session, watch),
+        clock,
     };
-    clock.time("7 export", || studio.act(Command::Export(export)))?;
-    if let Some((_, alignment)) = options.method.reconstruction() {
-        let project = studio.session.project().context("no project is open")?;
-        align(
-            [Some(&cloud_path), mesh_path.as_ref()],
-            &project.frames,
-            scene.views(),
-            alignment,
-        )?;
-    }
-    let (cloud, levels) = clock.time("8 score", || score(&truth_cloud, &cloud_path, &separated))?;
+    demo.open()?;
+    let user = demo.label()?;
+    demo.fuse()?;
+    let cloud_path = demo.export()?;
+    let (cloud, levels) = demo.clock.time("8 score", || {
+        score(&truth_cloud, &cloud_path, &demo.separated)
+    })?;
     let report = DemoReport {
         cloud,
         levels,
         masks: MaskReport {
-            iou: user.mean_ious(&studio)?,
+            iou: user.mean_ious(&demo.studio)?,
         },
         clicks: user.clicks(),
-        seconds: clock.seconds,
+        seconds: demo.clock.seconds,
         scene: describe(&options.scene),
     };
     let json = serde_json::to_string_pretty(&report)?;
     write(&out.join("report.json"), json.as_bytes())?;
     Ok(report)
+}
+
+/// A demo in progress.
+struct Demo<'a, 's, 'w> {
+    options: &'a DemoOptions,
+    scene: &'a Scene,
+    /// Classes that are clicked as one and split into instances.
+    separated: Vec<String>,
+    studio: DemoDriver<'s, 'w>,
+    clock: Clock,
+}
+
+impl Demo<'_, '_, '_> {
+    /// Runs a command as a stage or part of one.
+    fn act(&mut self, stage: &str, command: Command) -> Result<()> {
+        self.clock.time(stage, || self.studio.act(command))
+    }
+
+    /// Creates the project and, depending on the method, reconstructs cameras and depths.
+    fn open(&mut self) -> Result<()> {
+        let method = self.options.method;
+        self.clock.time("2 open", || {
+            self.studio.act(Command::New(new_project(
+                &self.options.out,
+                method,
+                self.scene.views(),
+            )))
+        })?;
+        if let Some((method, _)) = method.reconstruction() {
+            let request = ReconstructRequest {
+                method,
+                ..ReconstructRequest::default()
+            };
+            self.act("3 reconstruct", Command::Reconstruct(request))?;
+        }
+        Ok(())
+    }
+
+    /// Clicks as a simulated user and tracks the masks until no click helps.
+    fn label(&mut self) -> Result<SimulatedUser> {
+        let views = self.scene.views().iter();
+        let truth_masks: Vec<LabelMask> = views
+            .map(|view| self.scene.render_exact(view).mask)
+            .collect();
+        let mut user = SimulatedUser::new(
+            &mut self.studio,
+            truth_masks,
+            self.scene.tree(),
+            &self.scene.clicked_labels(),
+            &self.separated,
+        )?;
+        let first = user.clearest_frame();
+        self.clock.time("4 click", || {
+            user.click_on(&mut self.studio, first, FIRST_CLICKS)
+        })?;
+        self.track()?;
+        while let Some(frame) = user.worst_frame(&self.studio)? {
+            let before = user.clicks();
+            self.clock.time("4 click", || {
+                user.click_on(&mut self.studio, frame, CORRECTING_CLICKS)
+            })?;
+            if user.clicks() == before {
+                break;
+            }
+            self.track()?;
+        }
+        Ok(user)
+    }
+
+    fn track(&mut self) -> Result<()> {
+        self.clock
+            .time("5 track", || SimulatedUser::track(&mut self.studio))
+    }
+
+    /// Fuses the frames, corrects the masks by the cloud, and fuses again.
+    fn fuse(&mut self) -> Result<()> {
+        self.studio.session.release_memory();
+        self.act("6 fuse", Command::Fuse(FuseRequest::default()))?;
+        if self
+            .studio
+            .session
+            .votes()
+            .is_some_and(|votes| votes.has_voters())
+        {
+            self.act("6 adopt", Command::Attach(AttachRequest::default()))?;
+        }
+        if !self.separated.is_empty() {
+            self.clock.time("6 instances", || {
+                separate_instances(&mut self.studio, &self.separated)
+            })?;
+        }
+        self.studio.session.release_memory();
+        let request = FuseRequest {
+            drop_unlabelled: true,
+            ..FuseRequest::default()
+        };
+        self.act("6 fuse", Command::Fuse(request))
+    }
+
+    /// Exports the cloud and, if there is one, the surface, aligned to the ground truth.
+    ///
+    /// Returns the path of the cloud.
+    fn export(&mut self) -> Result<PathBuf> {
+        let out = &self.options.out;
+        let cloud_path = out.join("cloud.ply");
+        let voxel = self.studio.session.surface_voxel();
+        let mesh_path = voxel.map(|_| out.join("mesh.ply"));
+        let export = ExportRequest {
+            cloud: Some(cloud_path.clone()),
+            mesh: mesh_path.clone(),
+            ..ExportRequest::default()
+        };
+        self.act("7 export", Command::Export(export))?;
+        if let Some((_, alignment)) = self.options.method.reconstruction() {
+            let project = self.studio.session.project();
+            let project = project.context("no project is open")?;
+            align(
+                [Some(&cloud_path), mesh_path.as_ref()],
+                &project.frames,
+                self.scene.views(),
+                alignment,
+            )?;
+        }
+        Ok(cloud_path)
+    }
 }
 
 /// Wall time by stage; the times of a repeated stage are added.
