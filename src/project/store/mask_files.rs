@@ -177,7 +177,7 @@ pub fn read(
         let mask = progress
             .check()
             .map_err(anyhow::Error::from)
-            .map(|()| read_one(&path, (project, number), origin));
+            .map(|()| read_one(&path, project, number, origin));
         Some(mask.map(|mask| (number, mask)))
     });
     let mut masks_there = 0;
@@ -320,7 +320,7 @@ enum ReadMask {
     Damaged(String),
 }
 
-fn read_one(path: &Path, (project, frame): (&Project, usize), origin: Origin) -> ReadMask {
+fn read_one(path: &Path, project: &Project, frame: usize, origin: Origin) -> ReadMask {
     if !path.exists() {
         return ReadMask::Gone;
     }
