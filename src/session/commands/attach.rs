@@ -131,7 +131,7 @@ fn reported(
     pieces: &[AttachedFragment],
     voted: Option<&LabelledCloud>,
 ) -> String {
-    let mut gains: BTreeMap<LabelId, (usize, usize)> = BTreeMap::new();
+    let mut gains: BTreeMap<LabelId, Gain> = BTreeMap::new();
     for (piece, cloud) in pieces.iter().filter_map(|piece| Some((piece, voted?))) {
         let got = piece
             .points
@@ -139,8 +139,9 @@ fn reported(
             .filter(|&&point| cloud.labels[point as usize] == piece.label)
             .count();
         if got > 0 {
-            let (pieces, points) = gains.entry(piece.label).or_default();
-            (*pieces, *points) = (*pieces + 1, *points + got);
+            let gain = gains.entry(piece.label).or_default();
+            gain.pieces += 1;
+            gain.points += got;
         }
     }
     let gains: Vec<String> = gains
@@ -153,7 +154,15 @@ fn reported(
     }
 }
 
-fn gained(tree: &LabelTree, label: LabelId, (pieces, points): (usize, usize)) -> String {
+/// Pieces and points that a label gained.
+#[derive(Clone, Copy, Default)]
+struct Gain {
+    pieces: usize,
+    points: usize,
+}
+
+fn gained(tree: &LabelTree, label: LabelId, gain: Gain) -> String {
+    let Gain { pieces, points } = gain;
     let name = tree.get(label).map_or("", |label| &label.name);
     format!(
         "{name} {pieces} {} of {points} points",

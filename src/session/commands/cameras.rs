@@ -18,9 +18,7 @@ use ostra_project::store::{
     feature_cache_path, save_links, save_outcomes, sparse_path, sync_folder,
 };
 use ostra_project::{Coordinates, Edit, Project, ReconstructRequest, ResultRecord};
-use ostra_reconstruct::rgbd::{
-    Calibration, RgbdOptions, RgbdRequest, RgbdResult, calibrate, register_rgbd,
-};
+use ostra_reconstruct::rgbd::{RgbdOptions, RgbdRequest, calibrate, register_rgbd};
 use ostra_reconstruct::sfm::{
     CachedExtractor, CachedMatcher, FeatureCache, FeatureExtractor, FeatureMatcher, MapperOptions,
     PairOptions, SfmRequest, SfmResult, structure_from_motion,
@@ -113,7 +111,7 @@ impl CameraWork {
         let cache = FeatureCache::open(feature_cache_path(&self.root));
         let result: Cameras = match self.finder {
             Finder::Sfm(_) => self.by_motion(poses, &cache, &context.progress)?.into(),
-            Finder::Rgbd => self.by_depth(context)?.into(),
+            Finder::Rgbd => self.by_depth(context)?,
         };
         let not_kept = cache.save();
         let frames = &self.project.frames;
@@ -157,7 +155,7 @@ impl CameraWork {
         }
     }
 
-    fn by_depth(&self, context: &JobContext<Session>) -> Result<(RgbdResult, Vec<Calibration>)> {
+    fn by_depth(&self, context: &JobContext<Session>) -> Result<Cameras> {
         context.progress.stage("compare images with depth maps")?;
         let calibrations = calibrate(&self.project.frames, &self.store, &context.progress)?;
         let frames = calibrated(&self.project.frames, &calibrations);
@@ -183,7 +181,7 @@ impl CameraWork {
         };
         let result = register_rgbd(&rgbd_request, &self.store, &context.progress)
             .map_err(|error| anyhow::anyhow!(error))?;
-        Ok((result, calibrations))
+        Ok(Cameras::from_depth(result, calibrations))
     }
 
     fn by_motion(

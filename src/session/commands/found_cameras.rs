@@ -83,8 +83,9 @@ impl From<SfmResult> for Cameras {
     }
 }
 
-impl From<(RgbdResult, Vec<Calibration>)> for Cameras {
-    fn from((result, calibrations): (RgbdResult, Vec<Calibration>)) -> Self {
+impl Cameras {
+    /// Returns the cameras of frames that were registered by depth.
+    pub(super) fn from_depth(result: RgbdResult, calibrations: Vec<Calibration>) -> Self {
         let RgbdResult {
             cameras,
             outcomes,

@@ -1,6 +1,5 @@
 use crate::job_task::JobTask;
 use ostra_project::ResultEngine;
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -17,7 +16,7 @@ use ostra_cloud::fuse::{
 use ostra_cloud::ply::{Coloring, read_ply, save_ply};
 use ostra_core::job::JobId;
 use ostra_core::job::Progress;
-use ostra_frames::{DepthSource, Frame, FrameStore};
+use ostra_frames::{DepthSource, Frame};
 use ostra_masks::Label;
 use ostra_project::reusable_votes::{ReusableVotes, geometry_digest};
 use ostra_project::store::{DepthFolder, cloud_path, sync_folder, votes_path};
@@ -65,14 +64,7 @@ impl Session {
                     Made::Surface { voxel } => (Some(voxel), None),
                     Made::Nothing(why) => (None, why),
                 };
-            let (mut fused, settings) = make(
-                &store,
-                &root,
-                &project,
-                &request,
-                (before.as_ref(), &onto),
-                &context.progress,
-            )?;
+            let (mut fused, settings) = make(&sources, before.as_ref(), &onto, &context.progress)?;
             fused.report.warnings.extend(no_surface);
             context.progress.stage("save")?;
             save_ply(
@@ -135,13 +127,12 @@ impl Session {
 
 /// Returns the labelled points, and a text that describes how they were made.
 fn make(
-    store: &FrameStore,
-    root: &Path,
-    project: &Project,
-    request: &FuseRequest,
-    (before, onto): (Option<&ReusableVotes>, &OntoScale),
+    sources: &Sources<'_>,
+    before: Option<&ReusableVotes>,
+    onto: &OntoScale,
     progress: &Progress,
 ) -> Result<(Fused, String)> {
+    let project = sources.project;
     let masks = |frame: usize| {
         project
             .mask_in_play(frame)
@@ -149,7 +140,7 @@ fn make(
     };
     let views = ProjectViews {
         frames: &project.frames,
-        store,
+        store: sources.store,
         masks: &masks,
     };
     if let Some(before) = before
@@ -157,19 +148,21 @@ fn make(
     {
         return Ok((fused, before.record.settings.clone()));
     }
-    let mut fused = make_points(&views, root, project, (request, onto), progress)?;
+    let mut fused = make_points(sources, &views, onto, progress)?;
     fused.cloud.origin = project.origin;
-    let settings = settings(request, &fused, stereo_version(project).is_some());
+    let settings = settings(sources.request, &fused, stereo_version(project).is_some());
     Ok((fused, settings))
 }
 
 fn make_points(
+    sources: &Sources<'_>,
     views: &ProjectViews<'_>,
-    root: &Path,
-    project: &Project,
-    (request, scale): (&FuseRequest, &OntoScale),
+    scale: &OntoScale,
     progress: &Progress,
 ) -> Result<Fused> {
+    let Sources {
+        project, request, ..
+    } = *sources;
     let (min_confidence, drop_unlabelled) = (
         request.min_confidence.unwrap_or(0.0),
         request.drop_unlabelled,
@@ -197,8 +190,7 @@ fn make_points(
         return Ok(fused);
     }
     if let Some(version) = stereo_version(project) {
-        let (cloud, voxel, unreadable) =
-            dense_cloud(views.store, root, project, version, request.voxel, progress)?;
+        let (cloud, voxel, unreadable) = dense_cloud(sources, version, progress)?;
         let (points, seen) = cloud.into_points();
         let mut fused = vote_seen(points, &seen, &vote, progress)?;
         fused.report.voxel = voxel.unwrap_or_default();
@@ -290,15 +282,12 @@ fn has_stale_depths(project: &Project) -> bool {
 /// Also returns the voxel size to which they were thinned, and a warning about frames that cannot
 /// be read.
 fn dense_cloud(
-    store: &FrameStore,
-    root: &Path,
-    project: &Project,
+    sources: &Sources<'_>,
     version: u64,
-    voxel: Option<f64>,
     progress: &Progress,
 ) -> Result<(DenseCloud, Option<f64>, Option<String>)> {
-    let frames = &project.frames;
-    let folder = DepthFolder::new(root, version, frames).scaled(frames);
+    let frames = &sources.project.frames;
+    let folder = DepthFolder::new(sources.root, version, frames).scaled(frames);
     let account = folder.load_account()?;
     // A frame that lost its camera since gives no points.
     let is_posed = |frame: usize| {
@@ -323,7 +312,7 @@ fn dense_cloud(
     };
     let (cloud, unreadable) = fuse_depths(
         &request,
-        store,
+        sources.store,
         &folder,
         &FusionOptions::default(),
         progress,
@@ -332,7 +321,7 @@ fn dense_cloud(
         !cloud.is_empty(),
         "the depth maps do not agree on any point; check them, and reconstruct with more images"
     );
-    let (cloud, voxel) = match voxel {
+    let (cloud, voxel) = match sources.request.voxel {
         Some(voxel) => (cloud.thinned(voxel)?, Some(voxel)),
         None => cloud.thinned_to(STEREO_POINTS, progress)?,
     };

@@ -68,7 +68,15 @@ pub(super) fn make_depths(work: StereoWork, context: &JobContext<Session>) -> Re
         outcomes: None,
     };
     folder.save_account(&account)?;
-    let how = (&*store, &request, &options);
+    let run = StereoRun {
+        project: &project,
+        root: &root,
+        store: &store,
+        request: &request,
+        options: &options,
+        views: &views,
+        folder: &folder,
+    };
     let frames = &project.frames;
     let shown = WatchedDepths {
         depths: &folder,
@@ -77,17 +85,7 @@ pub(super) fn make_depths(work: StereoWork, context: &JobContext<Session>) -> Re
         max_side: options.max_side,
         sink: context,
     };
-    let estimate = |engine: &Engine| {
-        estimate(
-            &project,
-            &root,
-            &views,
-            (&folder, &shown),
-            how,
-            engine,
-            &context.progress,
-        )
-    };
+    let estimate = |engine: &Engine| estimate(&run, &shown, engine, &context.progress);
     let mut of_device = Vec::new();
     let (engine, outcomes) = on_device(request.device, &mut of_device, estimate)?;
     let mut warnings = views_without_depth(&project.frames, &outcomes);
@@ -269,17 +267,28 @@ fn unfinished(root: &Path, project: &Project, key: &str) -> Option<u64> {
     depth_versions(root).find(is_begun)
 }
 
+/// Stereo of some views into a folder.
+struct StereoRun<'a> {
+    project: &'a Project,
+    root: &'a Path,
+    store: &'a FrameStore,
+    request: &'a ReconstructRequest,
+    options: &'a StereoOptions,
+    /// Frames that get depth.
+    views: &'a [usize],
+    folder: &'a DepthFolder,
+}
+
+/// Computes the depth maps of the views that `depths` does not hold yet.
 fn estimate(
-    project: &Project,
-    root: &Path,
-    views: &[usize],
-    (folder, depths): (&DepthFolder, &dyn DepthStore),
-    (store, request, options): (&FrameStore, &ReconstructRequest, &StereoOptions),
+    run: &StereoRun<'_>,
+    depths: &dyn DepthStore,
     engine: &Engine,
     progress: &Progress,
 ) -> Result<BTreeMap<usize, ViewOutcome>> {
+    let project = run.project;
     let frames = &project.frames;
-    let sparse = sparse_points(project, root, views, folder, store, progress)?;
+    let sparse = sparse_points(run, progress)?;
     let mask = |frame: usize, raster: &Camera| {
         let none = || vec![false; raster.width as usize * raster.height as usize];
         let seen = || {
@@ -289,20 +298,22 @@ fn estimate(
             );
             Some(labelled(&undistort_mask(&mask, lens, raster).ids))
         };
-        request.only_labelled.then(|| seen().unwrap_or_else(none))
+        run.request
+            .only_labelled
+            .then(|| seen().unwrap_or_else(none))
     };
     let stereo_request = StereoRequest {
         frames,
-        views,
+        views: run.views,
         sparse: &sparse,
         mask: &mask,
         engine,
     };
     Ok(estimate_depths(
         &stereo_request,
-        store,
+        run.store,
         depths,
-        options,
+        run.options,
         progress,
     )?)
 }
@@ -315,14 +326,15 @@ fn labelled(ids: &[LabelId]) -> Vec<bool> {
 ///
 /// These are the points that cameras were found with. If some views have none (given cameras,
 /// frames registered later), points are triangulated from features, and saved for a resumed run.
-fn sparse_points(
-    project: &Project,
-    root: &Path,
-    views: &[usize],
-    folder: &DepthFolder,
-    store: &FrameStore,
-    progress: &Progress,
-) -> Result<SparsePoints> {
+fn sparse_points(run: &StereoRun<'_>, progress: &Progress) -> Result<SparsePoints> {
+    let StereoRun {
+        project,
+        root,
+        store,
+        views,
+        folder,
+        ..
+    } = *run;
     let sparse = load_sparse(root, project);
     let is_posed = |view: &&usize| project.frames[**view].posed_camera().is_some();
     if views
