@@ -3,6 +3,7 @@ use ostra_project::{EngineName, SegmenterId};
 
 use super::panels::has_chosen;
 use super::ranges::{is_range_change, range_request, split_at};
+use super::shell::Requests;
 use super::tooltips::action_button;
 use super::{Action, MenuName, SessionView, ViewState};
 use ostra_session::{Command, EngineKind};
@@ -12,20 +13,19 @@ pub(super) fn menu_bar_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &ViewState,
-    out: &mut Vec<Command>,
-    actions: &mut Vec<Action>,
+    requests: &mut Requests,
 ) {
     MenuBar::new().ui(ui, |ui| {
         for menu in MenuName::ALL {
             ui.menu_button(menu.text(), |ui| {
-                menu_ui(ui, menu, session, view, out, actions);
+                menu_ui(ui, menu, session, view, requests);
             });
         }
         ui.separator();
-        undo_redo_ui(ui, session, view, actions);
+        undo_redo_ui(ui, session, view, &mut requests.actions);
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if theme_button_ui(ui, view).clicked() {
-                actions.push(Action::ToggleTheme);
+                requests.actions.push(Action::ToggleTheme);
             }
             ui.weak(title(session));
         });
@@ -129,8 +129,7 @@ fn menu_ui(
     menu: MenuName,
     session: &SessionView<'_>,
     view: &ViewState,
-    out: &mut Vec<Command>,
-    actions: &mut Vec<Action>,
+    requests: &mut Requests,
 ) {
     ui.set_min_width(220.0);
     for action in Action::all().filter(|action| action.menu() == Some(menu)) {
@@ -144,10 +143,10 @@ fn menu_ui(
             .on_hover_text(action.tip())
             .clicked()
         {
-            actions.push(action);
+            requests.actions.push(action);
         }
         if action == Action::Open {
-            recent_ui(ui, session, out);
+            recent_ui(ui, session, &mut requests.commands);
         }
     }
 }

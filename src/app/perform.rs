@@ -15,10 +15,6 @@ use ostra_session::{AttachRequest, CleanRequest, CloudChange, Command};
 use ostra_view::Layer;
 
 /// Performs an action: changes the view, or issues commands.
-#[expect(
-    clippy::too_many_lines,
-    reason = "under 80 lines before rustfmt's defaults; to be split"
-)]
 pub(super) fn perform(
     action: Action,
     ctx: &Context,
@@ -44,6 +40,25 @@ pub(super) fn perform(
         Action::Quit => ctx.send_viewport_cmd(ViewportCommand::Close),
         Action::Undo => step(view, Command::Undo, out),
         Action::Redo => step(view, Command::Redo, out),
+        Action::Stop => out.push(Command::Stop),
+        Action::Cancel => cancel(view),
+        Action::ToggleTheme => toggle_theme(ctx),
+        _ if is_range_change(action) => {
+            out.extend(range_request(action, session, view).map(Command::Range));
+        }
+        other => edit(other, ctx, session, view, out),
+    }
+}
+
+/// Performs an action on labels, masks or points of the cloud, or any other one.
+fn edit(
+    action: Action,
+    ctx: &Context,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    out: &mut Vec<Command>,
+) {
+    match action {
         Action::AddLabel => add_label(session, view, out),
         Action::ChooseLabel(number) => choose_label(session, view, number),
         Action::IncludeHere => click_here(session, view, true, out),
@@ -70,18 +85,21 @@ pub(super) fn perform(
         Action::AttachFragments => out.push(Command::Attach(AttachRequest::default())),
         Action::RangeFrom | Action::RangeTo | Action::DropRange => set_range(action, view),
         Action::CopyMask => view.copied = view.label.map(|label| (label, view.frame)),
-        _ if is_range_change(action) => {
-            out.extend(range_request(action, session, view).map(Command::Range));
-        }
         Action::FillHoles => tidy(view, view.prefs.tidy_px, 0, out),
         Action::RemoveIslands => tidy(view, 0, view.prefs.tidy_px, out),
-        Action::UseTool(tool) => {
-            view.draft.drop_half_made();
-            view.tool = tool;
-        }
-        Action::SmallerBrush => view.prefs.brush_px = (view.prefs.brush_px / 1.2).max(0.5),
-        Action::LargerBrush => view.prefs.brush_px = (view.prefs.brush_px * 1.2).min(500.0),
-        Action::ToggleSnap => view.prefs.snap = !view.prefs.snap,
+        other => start(other, ctx, session, view, out),
+    }
+}
+
+/// Performs an action that starts a computation, or one that changes the tools or the view.
+fn start(
+    action: Action,
+    ctx: &Context,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    out: &mut Vec<Command>,
+) {
+    match action {
         Action::Track => out.push(Command::Track(view.track.clone())),
         Action::TrackForward => track_from_here(view, Direction::Forward, out),
         Action::TrackBackward => track_from_here(view, Direction::Backward, out),
@@ -104,9 +122,6 @@ pub(super) fn perform(
                 ..view.fuse.clone()
             }));
         }
-        Action::Stop => out.push(Command::Stop),
-        Action::Cancel => cancel(view),
-        Action::ToggleTheme => toggle_theme(ctx),
         other => look_differently(other, ctx, view),
     }
 }
@@ -197,6 +212,13 @@ fn destination(action: Action, session: &SessionView<'_>, view: &ViewState) -> O
 
 fn look_differently(action: Action, ctx: &Context, view: &mut ViewState) {
     match action {
+        Action::UseTool(tool) => {
+            view.draft.drop_half_made();
+            view.tool = tool;
+        }
+        Action::SmallerBrush => view.prefs.brush_px = (view.prefs.brush_px / 1.2).max(0.5),
+        Action::LargerBrush => view.prefs.brush_px = (view.prefs.brush_px * 1.2).min(500.0),
+        Action::ToggleSnap => view.prefs.snap = !view.prefs.snap,
         Action::Fit => view.zoom.scale = None,
         Action::ActualSize => actual_size(ctx, view),
         Action::ToggleMasks => view.masks_shown = !view.masks_shown,
@@ -244,10 +266,9 @@ fn step(view: &mut ViewState, command: Command, out: &mut Vec<Command>) {
 }
 
 fn choose_label(session: &SessionView<'_>, view: &mut ViewState, number: u8) {
-    if let Some((label, _)) =
-        listed(&session.project.labels).get(usize::from(number.saturating_sub(1)))
-    {
-        view.label = Some(label.id);
+    let rows = listed(&session.project.labels);
+    if let Some(row) = rows.get(usize::from(number.saturating_sub(1))) {
+        view.label = Some(row.label.id);
     }
 }
 

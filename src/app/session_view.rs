@@ -2,6 +2,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::ViewState;
 use ostra_cloud::conflicts::FrameConflict;
 use ostra_cloud::fuse::Votes;
 use ostra_cloud::measure::{LengthUnit, TraitRow};
@@ -13,7 +14,7 @@ use ostra_masks::{LabelTree, Region, RunMask};
 use ostra_project::{Estimate, Project};
 use ostra_session::{
     Angles, Drawings, Engine, EngineKind, Grounding, Images, JobTask, JobView, ProposedInstances,
-    SparseModel, Suggestion,
+    Session, SparseModel, Suggestion,
 };
 use ostra_view::{Layer, LayerImage, draw_layer};
 
@@ -82,7 +83,59 @@ pub struct SessionView<'a> {
     pub estimate: Option<Estimate>,
 }
 
-impl SessionView<'_> {
+impl<'a> SessionView<'a> {
+    /// Returns what the session shows in a view; `nothing` is the project while none is open.
+    ///
+    /// Images, layers, jobs, engines, networks, recent projects, the mask before the last step and
+    /// the estimate are left out.
+    pub(crate) fn of(session: &'a Session, nothing: &'a Arc<Project>, view: &ViewState) -> Self {
+        let conflicts = session.conflicts();
+        let measures = &view.measures;
+        Self {
+            project: session.project().unwrap_or(nothing),
+            root: session.root(),
+            cloud: session.cloud(),
+            votes: session.votes(),
+            proposed: view
+                .instances
+                .and_then(|request| session.proposed_instances(request)),
+            has_surface: session.surface_voxel().is_some(),
+            surface: view
+                .shown
+                .surface()
+                .and_then(|surface| session.surface(surface)),
+            preview_cloud: session.preview_cloud(),
+            sparse: session.sparse(),
+            chosen: session.selected(),
+            inspected: session.inspected(),
+            images: None,
+            layers: None,
+            hovered: session.hovered(),
+            jobs: &[],
+            engines: &[],
+            models: &[],
+            undo: session.undo_title(),
+            redo: session.redo_title(),
+            recent: &[],
+            before: None,
+            suggestions: session.suggestions(),
+            grounding: session.grounding(),
+            interactions: session.interactions(),
+            conflicts,
+            vote_mismatch: view
+                .shows_mismatch(conflicts)
+                .then(|| session.vote_mismatch(view.frame))
+                .flatten(),
+            traits: measures
+                .open
+                .then(|| session.traits(measures.settings))
+                .flatten(),
+            angles: measures.open.then(|| session.angles(measures.pairs())),
+            unit: session.length_unit(),
+            estimate: None,
+        }
+    }
+
     /// Returns `true` if the open project has frames.
     #[must_use]
     pub fn has_frames(&self) -> bool {

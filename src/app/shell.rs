@@ -19,6 +19,13 @@ use super::{Action, Dialog, Panes, Prefs, SessionView, ViewState};
 use ostra_session::Command;
 use ostra_view::Orbit;
 
+/// What the user requested while a frame of the window was drawn, in order.
+#[derive(Default)]
+pub(crate) struct Requests {
+    pub commands: Vec<Command>,
+    pub actions: Vec<Action>,
+}
+
 /// Everything that is drawn, without the session behind it: a view in, commands out.
 pub struct Shell {
     /// Window state that is not part of the project.
@@ -69,15 +76,17 @@ impl Shell {
 
     /// Draws the whole window and returns the commands that the user issued, in order.
     pub fn ui(&mut self, ui: &mut Ui, session: &SessionView<'_>) -> Vec<Command> {
-        let (mut out, mut actions) = (Vec::new(), Vec::new());
+        let mut requests = Requests::default();
         self.view.keep_valid(session);
         self.view.presence.update(session.project);
         self.view.draft.follow(session.project);
         take_picked(ui.ctx(), &mut self.view);
-        actions.extend(pressed(ui.ctx(), &self.view, self.took_keys));
-        self.bars_ui(ui, session, &mut out, &mut actions);
+        requests
+            .actions
+            .extend(pressed(ui.ctx(), &self.view, self.took_keys));
+        self.bars_ui(ui, session, &mut requests);
         if session.has_frames() {
-            self.side_panels_ui(ui, session, &mut out, &mut actions);
+            self.side_panels_ui(ui, session, &mut requests);
         } else if session.inspected.is_some() {
             side_panel(Panel::left("labels"), 256.0)
                 .show(ui, |ui| cloud_labels_ui(ui, session, &mut self.view));
@@ -86,9 +95,9 @@ impl Shell {
         CentralPanel::default()
             .frame(Frame::new().fill(fill))
             .show(ui, |ui| {
-                self.panes_ui(ui, session, &mut out, &mut actions);
+                self.panes_ui(ui, session, &mut requests);
             });
-        self.dialogs_ui(ui, session, &mut out, &mut actions);
+        self.dialogs_ui(ui, session, &mut requests);
         if self.view.matches.open && session.has_frames() {
             matches_ui(ui, session, &mut self.view, &mut self.textures);
         }
@@ -97,32 +106,30 @@ impl Shell {
         }
         notices_ui(ui, &mut self.view.notices);
         self.took_keys = takes_keys(ui.ctx());
+        let Requests {
+            mut commands,
+            actions,
+        } = requests;
         for action in actions {
-            perform(action, ui.ctx(), session, &mut self.view, &mut out);
+            perform(action, ui.ctx(), session, &mut self.view, &mut commands);
         }
         if let Some(images) = session.images {
             images.turn();
         }
-        out
+        commands
     }
 
     /// Draws the menu bar at the top, and the status line, filmstrip and timeline at the bottom.
-    fn bars_ui(
-        &mut self,
-        ui: &mut Ui,
-        session: &SessionView<'_>,
-        out: &mut Vec<Command>,
-        actions: &mut Vec<Action>,
-    ) {
+    fn bars_ui(&mut self, ui: &mut Ui, session: &SessionView<'_>, requests: &mut Requests) {
         let bar = Frame::new()
             .fill(ui.visuals().panel_fill)
             .inner_margin(Margin::symmetric(8, 3));
         Panel::top("menu")
             .frame(bar)
-            .show(ui, |ui| menu_bar_ui(ui, session, &self.view, out, actions));
-        Panel::bottom("status")
-            .frame(bar)
-            .show(ui, |ui| status_ui(ui, session, &self.view, actions));
+            .show(ui, |ui| menu_bar_ui(ui, session, &self.view, requests));
+        Panel::bottom("status").frame(bar).show(ui, |ui| {
+            status_ui(ui, session, &self.view, &mut requests.actions);
+        });
         if session.has_frames() {
             let strip = Frame::new()
                 .fill(ui.visuals().panel_fill)
@@ -145,50 +152,49 @@ impl Shell {
                     .resizable(true)
                     .default_size(112.0)
                     .size_range(64.0..=400.0);
-                grid.frame(strip)
-                    .show(ui, |ui| timeline_ui(ui, session, &mut self.view, actions));
+                grid.frame(strip).show(ui, |ui| {
+                    timeline_ui(ui, session, &mut self.view, &mut requests.actions);
+                });
             }
         }
     }
 
-    fn side_panels_ui(
-        &mut self,
-        ui: &mut Ui,
-        session: &SessionView<'_>,
-        out: &mut Vec<Command>,
-        actions: &mut Vec<Action>,
-    ) {
+    fn side_panels_ui(&mut self, ui: &mut Ui, session: &SessionView<'_>, requests: &mut Requests) {
         let view = &mut self.view;
         side_panel(Panel::left("labels"), 256.0).show(ui, |ui| {
             scrolled(ui, "left", |ui| {
-                labels_ui(ui, session, view, out);
-                instances_ui(ui, session, view, out);
+                labels_ui(ui, session, view, &mut requests.commands);
+                instances_ui(ui, session, view, &mut requests.commands);
                 ui.separator();
                 segmenter_ui(ui, session, view);
                 ui.separator();
                 section_heading(ui, "Find by text");
-                text_prompt_ui(ui, session, view, out);
+                text_prompt_ui(ui, session, view, &mut requests.commands);
             });
         });
         side_panel(Panel::right("work"), 262.0).show(ui, |ui| {
             scrolled(ui, "right", |ui| {
-                section(ui, "Track", true, |ui| track_ui(ui, session, view, actions));
+                section(ui, "Track", true, |ui| {
+                    track_ui(ui, session, view, &mut requests.actions);
+                });
                 if !session.conflicts.is_empty() {
                     section(ui, "Conflicts", true, |ui| {
-                        conflicts_ui(ui, session, view, actions);
+                        conflicts_ui(ui, session, view, &mut requests.actions);
                     });
                 }
                 section(ui, "Suggestions", !session.suggestions.is_empty(), |ui| {
-                    suggestions_ui(ui, session, view, out, actions);
+                    suggestions_ui(ui, session, view, requests);
                 });
                 section(ui, "Reconstruct", true, |ui| {
-                    reconstruct_ui(ui, session, view, actions);
+                    reconstruct_ui(ui, session, view, &mut requests.actions);
                 });
-                section(ui, "Fuse", true, |ui| fuse_ui(ui, session, view, actions));
+                section(ui, "Fuse", true, |ui| {
+                    fuse_ui(ui, session, view, &mut requests.actions);
+                });
                 section(ui, "Results", false, |ui| results_ui(ui, session));
                 if session.slow_jobs().next().is_some() {
                     section(ui, "Running", true, |ui| {
-                        jobs_ui(ui, session, view, actions);
+                        jobs_ui(ui, session, view, &mut requests.actions);
                     });
                 }
             });
@@ -196,13 +202,7 @@ impl Shell {
     }
 
     /// Draws the image and the 3-D view, or the welcome page if nothing is open.
-    fn panes_ui(
-        &mut self,
-        ui: &mut Ui,
-        session: &SessionView<'_>,
-        out: &mut Vec<Command>,
-        actions: &mut Vec<Action>,
-    ) {
+    fn panes_ui(&mut self, ui: &mut Ui, session: &SessionView<'_>, requests: &mut Requests) {
         let has_scene = session.points().is_some()
             || session
                 .project
@@ -210,19 +210,27 @@ impl Shell {
                 .iter()
                 .any(|frame| frame.posed_camera().is_some());
         match (session.has_frames(), session.inspected.is_some()) {
-            (false, false) => return welcome_ui(ui, session, &self.view, out, actions),
+            (false, false) => return welcome_ui(ui, session, &self.view, requests),
             (false, true) => {
-                return self
-                    .scene
-                    .ui(ui, session, &mut self.view, &mut self.textures, actions);
+                return self.scene.ui(
+                    ui,
+                    session,
+                    &mut self.view,
+                    &mut self.textures,
+                    &mut requests.actions,
+                );
             }
             (true, _) => {}
         }
         let panes = self.view.prefs.panes;
         if panes == Panes::Scene {
-            return self
-                .scene
-                .ui(ui, session, &mut self.view, &mut self.textures, actions);
+            return self.scene.ui(
+                ui,
+                session,
+                &mut self.view,
+                &mut self.textures,
+                &mut requests.actions,
+            );
         }
         if panes == Panes::Both && has_scene {
             let half = ui.available_width() * 0.46;
@@ -233,40 +241,34 @@ impl Shell {
                 .size_range(220.0..=half * 1.8)
                 .frame(frame)
                 .show(ui, |ui| {
-                    self.scene
-                        .ui(ui, session, &mut self.view, &mut self.textures, actions);
+                    self.scene.ui(
+                        ui,
+                        session,
+                        &mut self.view,
+                        &mut self.textures,
+                        &mut requests.actions,
+                    );
                 });
         }
-        image_pane_ui(
-            ui,
-            session,
-            &mut self.view,
-            &mut self.textures,
-            out,
-            actions,
-        );
+        image_pane_ui(ui, session, &mut self.view, &mut self.textures, requests);
     }
 
-    fn dialogs_ui(
-        &mut self,
-        ui: &Ui,
-        session: &SessionView<'_>,
-        out: &mut Vec<Command>,
-        actions: &mut Vec<Action>,
-    ) {
+    fn dialogs_ui(&mut self, ui: &Ui, session: &SessionView<'_>, requests: &mut Requests) {
         let view = &mut self.view;
         match view.dialog {
             Some(dialog @ (Dialog::NewProject | Dialog::AddFrames)) => {
-                new_project_ui(ui, view, dialog, out);
+                new_project_ui(ui, view, dialog, &mut requests.commands);
             }
-            Some(Dialog::Relocate) => relocate_ui(ui, view, out),
-            Some(Dialog::Export) => export_ui(ui, session, view, out),
+            Some(Dialog::Relocate) => relocate_ui(ui, view, &mut requests.commands),
+            Some(Dialog::Export) => export_ui(ui, session, view, &mut requests.commands),
             Some(Dialog::Image) => image_ui(ui, view),
-            Some(Dialog::Models) => models_ui(ui, session, view, out),
+            Some(Dialog::Models) => models_ui(ui, session, view, &mut requests.commands),
             Some(Dialog::Shortcuts) => sheet_ui(ui, view),
-            Some(Dialog::Palette) => palette_ui(ui, session, view, actions),
-            Some(Dialog::Into(request)) => into_ui(ui, session, view, request, out),
-            Some(Dialog::Path(request)) => path_ui(ui, view, request, out),
+            Some(Dialog::Palette) => palette_ui(ui, session, view, &mut requests.actions),
+            Some(Dialog::Into(request)) => {
+                into_ui(ui, session, view, request, &mut requests.commands);
+            }
+            Some(Dialog::Path(request)) => path_ui(ui, view, request, &mut requests.commands),
             None => {}
         }
     }

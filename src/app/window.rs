@@ -131,78 +131,52 @@ impl Window {
     }
 
     /// Draws the window and executes the commands that the user issued.
-    #[expect(
-        clippy::too_many_lines,
-        reason = "under 80 lines before rustfmt's defaults; to be split"
-    )]
     pub fn show(&mut self, ui: &mut egui::Ui) {
+        self.update_estimate();
+        self.session.follow_masks();
         let jobs = self.session.jobs();
-        let project = self.session.project().unwrap_or(&self.nothing);
-        if std::mem::take(&mut self.estimate_due) {
-            let presence = &mut self.shell.view.presence;
-            presence.update(project);
-            self.estimate = project.estimate(|frame| presence.on_frame(frame).len());
-        }
         let view = &self.shell.view;
         let before = if view.compare {
             self.session.mask_before(view.frame)
         } else {
             None
         };
-        self.session.follow_masks();
-        let conflicts = self.session.conflicts();
         let session = SessionView {
-            project,
-            root: self.session.root(),
-            cloud: self.session.cloud(),
-            votes: self.session.votes(),
-            proposed: view
-                .instances
-                .and_then(|request| self.session.proposed_instances(request)),
-            has_surface: self.session.surface_voxel().is_some(),
-            surface: view
-                .shown
-                .surface()
-                .and_then(|surface| self.session.surface(surface)),
-            preview_cloud: self.session.preview_cloud(),
-            sparse: self.session.sparse(),
-            chosen: self.session.selected(),
-            inspected: self.session.inspected(),
             images: self.images.as_ref(),
             layers: self.layers.as_ref(),
-            hovered: self.session.hovered(),
             jobs: &jobs,
             engines: &self.engines,
             models: &self.models,
-            undo: self.session.undo_title(),
-            redo: self.session.redo_title(),
             recent: self.recent.paths(),
             before: before.as_ref(),
-            suggestions: self.session.suggestions(),
-            grounding: self.session.grounding(),
-            interactions: self.session.interactions(),
-            conflicts,
-            vote_mismatch: view
-                .shows_mismatch(conflicts)
-                .then(|| self.session.vote_mismatch(view.frame))
-                .flatten(),
-            traits: view
-                .measures
-                .open
-                .then(|| self.session.traits(view.measures.settings))
-                .flatten(),
-            angles: view
-                .measures
-                .open
-                .then(|| self.session.angles(view.measures.pairs())),
-            unit: self.session.length_unit(),
             estimate: self.estimate,
+            ..SessionView::of(&self.session, &self.nothing, view)
         };
         let requested = self.shell.ui(ui, &session);
         let changes = !requested.is_empty();
         for command in requested {
             self.act(command);
         }
+        self.follow_view();
+        if changes {
+            ui.ctx().request_repaint();
+        }
+        if !jobs.is_empty() {
+            ui.ctx().request_repaint_after_secs(0.1);
+        }
+    }
+
+    fn update_estimate(&mut self) {
+        if std::mem::take(&mut self.estimate_due) {
+            let project = self.session.project().unwrap_or(&self.nothing);
+            let presence = &mut self.shell.view.presence;
+            presence.update(project);
+            self.estimate = project.estimate(|frame| presence.on_frame(frame).len());
+        }
+    }
+
+    /// Passes what the view needs to the session, and writes the files that it requested.
+    fn follow_view(&mut self) {
         self.session
             .prepare(self.shell.view.frame, self.shell.view.segmenter);
         self.session.hover(self.shell.view.hover_request.clone());
@@ -212,12 +186,6 @@ impl Window {
         }
         if let Some((request, portrait)) = self.shell.view.portrait.take() {
             self.render(&request, portrait);
-        }
-        if changes {
-            ui.ctx().request_repaint();
-        }
-        if !jobs.is_empty() {
-            ui.ctx().request_repaint_after_secs(0.1);
         }
     }
 
@@ -331,13 +299,13 @@ impl Window {
 
     /// Renders an image or video of the 3-D view in the background.
     fn render(&mut self, request: &ScreenshotRequest, portrait: RenderRequest) {
-        let size = request.size;
+        let (width, height) = request.size;
         let started = match request.take {
             Take::Still { transparent } => {
                 let write = move |path: &Path| {
                     Ok(write_png(
                         path,
-                        &portrait.draw(size, 0.0, transparent),
+                        &portrait.draw(width, height, 0.0, transparent),
                         transparent,
                     )?)
                 };
@@ -346,7 +314,7 @@ impl Window {
             }
             Take::Turntable { count, fps } => {
                 let options = TurntableOptions {
-                    size,
+                    size: request.size,
                     count,
                     fps: f64::from(fps),
                 };
@@ -356,7 +324,7 @@ impl Window {
                     request.overwrite,
                     move |number| {
                         portrait
-                            .draw(size, TAU * number as f32 / count as f32, false)
+                            .draw(width, height, TAU * number as f32 / count as f32, false)
                             .image
                     },
                 )

@@ -119,7 +119,7 @@ fn draw(session: &Session, args: &DemoArgs) -> Result<()> {
     let portrait = RenderRequest::new(Model::Cloud(Arc::clone(cloud)), orbit, style, height);
     Ok(write_png(
         &args.out.join("shot.png"),
-        &portrait.draw((width, height), 0.0, false),
+        &portrait.draw(width, height, 0.0, false),
         false,
     )?)
 }

@@ -83,7 +83,7 @@ pub(super) fn shot(args: &ShotArgs) -> Result<()> {
     ExportTargets::write_files(std::slice::from_ref(&args.out), || {
         write_png(
             &args.out,
-            &portrait.draw(args.size, 0.0, args.transparent),
+            &portrait.draw(width, height, 0.0, args.transparent),
             args.transparent,
         )
         .with_context(|| format!("{}: the image could not be written", args.out.display()))
@@ -97,17 +97,17 @@ fn turntable(args: &ShotArgs, driver: &mut Driver, portrait: RenderRequest) -> R
     };
     let fps = f64::from(args.fps);
     let count = (args.seconds * fps).round().max(1.0) as usize;
-    let size = args.size;
-    driver.write_turntable(
-        path,
-        TurntableOptions { size, count, fps },
-        args.overwrite,
-        move |number| {
-            portrait
-                .draw(size, TAU * number as f32 / count as f32, false)
-                .image
-        },
-    )
+    let (width, height) = args.size;
+    let options = TurntableOptions {
+        size: args.size,
+        count,
+        fps,
+    };
+    driver.write_turntable(path, options, args.overwrite, move |number| {
+        portrait
+            .draw(width, height, TAU * number as f32 / count as f32, false)
+            .image
+    })
 }
 
 fn style(args: &ShotArgs, driver: &Driver) -> Result<SceneStyle> {

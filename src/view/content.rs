@@ -5,6 +5,7 @@ use super::paint::Paint;
 use super::pipelines::Pipelines;
 use super::point_blocks::PointBlocks;
 use super::surface_chunks::SurfaceChunks;
+use super::target::Gpu;
 use super::{Appearance, ImagePlane, Line, SceneStyle, ViewCamera};
 use ostra_cloud::{LabelledCloud, LabelledMesh};
 
@@ -216,12 +217,7 @@ impl Content {
     ///
     /// For points it is a coarse one. It consists of a batch that is on the GPU after a bounded
     /// upload.
-    pub(super) fn begin(
-        &mut self,
-        gpu: (&wgpu::Device, &wgpu::Queue),
-        scene: &Scene3d,
-        batch: usize,
-    ) {
+    pub(super) fn begin(&mut self, gpu: &Gpu, scene: &Scene3d, batch: usize) {
         match &mut self.kind {
             Kind::Points {
                 blocks: Some(blocks),
@@ -254,12 +250,7 @@ impl Content {
     /// Uploads a bounded part of the data that the image needs.
     ///
     /// For triangles that is the data of the next batch.
-    pub(super) fn upload_next(
-        &mut self,
-        gpu: (&wgpu::Device, &wgpu::Queue),
-        appearance: &Appearance,
-        batch: usize,
-    ) {
+    pub(super) fn upload_next(&mut self, gpu: &Gpu, appearance: &Appearance, batch: usize) {
         let paint = self
             .paint
             .get_or_insert_with(|| Paint::new(self.model.points(), appearance));
@@ -272,7 +263,7 @@ impl Content {
                 },
             ) => blocks.upload_next(gpu, cloud, paint),
             (Model::Surface(mesh) | Model::Wireframe(mesh), Kind::Surface(chunks)) => {
-                chunks.upload_next(gpu.0, mesh, paint, batch);
+                chunks.upload_next(&gpu.device, mesh, paint, batch);
             }
             _ => {}
         }

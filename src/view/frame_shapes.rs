@@ -6,7 +6,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec2;
 use wgpu::util::DeviceExt;
 
-use super::target::compiled;
+use super::target::{Primitives, compiled};
 use ostra_frames::{Frame, Image};
 use ostra_reconstruct::rgbd::{FrameLink, LinkKind};
 
@@ -98,12 +98,14 @@ impl Planes {
             attributes: &wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x2],
         };
         let shader = wgpu::include_wgsl!("shaders/planes.wgsl");
-        let strip = wgpu::PrimitiveTopology::TriangleStrip;
         let pipeline = compiled(
             device,
             &[eye, &layout],
             shader,
-            (&[Some(vertices)], strip),
+            &Primitives {
+                buffers: &[Some(vertices)],
+                topology: wgpu::PrimitiveTopology::TriangleStrip,
+            },
             true,
         );
         Self {

@@ -57,7 +57,7 @@ pub use layers::{Layer, LayerImage, draw_layer};
 pub use mesh_raster::draw_mesh;
 pub use orbit::Orbit;
 pub use overlay::{OverlayStyle, hatch, overlay};
-pub use pick::{Picking, pick_frustum, pick_point};
+pub use pick::{PickRequest, Picking, pick_frustum, pick_point};
 pub use raster::draw_cloud;
 pub use render_request::RenderRequest;
 pub use scene_view::SceneView;

@@ -12,21 +12,36 @@ use super::{Appearance, Clip, ViewCamera};
 use ostra_cloud::LabelledCloud;
 use ostra_frames::Frame;
 
+/// Place in an image where a point is picked, and what decides which points are visible there.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PickRequest {
+    /// The camera of the image.
+    pub camera: ViewCamera,
+    /// Colours and hidden labels; decides which points are drawn.
+    pub appearance: Appearance,
+    /// Clip box; points outside are not picked.
+    pub clip: Clip,
+    /// Position in the image, in pixels.
+    pub at_px: Vec2,
+    /// Largest distance of the point from the position, in pixels.
+    pub radius_px: f32,
+}
+
 /// Returns the index of the visible point at a pixel position.
 ///
-/// Candidates are the drawn points within `radius_px`. Only those with the highest opacity count,
+/// Candidates are the drawn points within the radius. Only those with the highest opacity count,
 /// so that faint points are picked only where there is nothing else. Among those at most 1 %
-/// farther than the nearest, the one closest to `at_px` wins. Hidden and clipped points are
+/// farther than the nearest, the one closest to the position wins. Hidden and clipped points are
 /// ignored.
 #[must_use]
-pub fn pick_point(
-    cloud: &LabelledCloud,
-    camera: &ViewCamera,
-    at_px: Vec2,
-    radius_px: f32,
-    appearance: &Appearance,
-    clip: &Clip,
-) -> Option<usize> {
+pub fn pick_point(cloud: &LabelledCloud, request: &PickRequest) -> Option<usize> {
+    let PickRequest {
+        camera,
+        appearance,
+        clip,
+        at_px,
+        radius_px,
+    } = request;
     let paint = Paint::new(cloud, appearance);
     let hits: Vec<(usize, f32, f32)> = cloud
         .positions
@@ -34,9 +49,9 @@ pub fn pick_point(
         .enumerate()
         .filter_map(|(index, &x)| {
             let (px, depth) = camera.project(x)?;
-            let off = px.distance(at_px);
+            let off = px.distance(*at_px);
             let is_drawn = || paint.opacity(cloud, index) > 0 && clip.contains(x);
-            (off <= radius_px && is_drawn()).then_some((index, depth, off))
+            (off <= *radius_px && is_drawn()).then_some((index, depth, off))
         })
         .collect();
     let most = hits.iter().map(|hit| paint.opacity(cloud, hit.0)).max()?;
@@ -86,22 +101,13 @@ impl Picking {
     /// Starts [`pick_point`] in the background; `wake` is called when the result is available.
     pub fn begin(
         cloud: Arc<LabelledCloud>,
-        camera: ViewCamera,
-        (at_px, radius_px): (Vec2, f32),
-        (appearance, clip): (Appearance, Clip),
+        request: PickRequest,
         wake: impl FnOnce() + Send + 'static,
     ) -> Self {
         let (sender, found) = channel();
         outside_job_pool(move || {
             // Sending fails only if the result is no longer wanted.
-            let _ = sender.send(pick_point(
-                &cloud,
-                &camera,
-                at_px,
-                radius_px,
-                &appearance,
-                &clip,
-            ));
+            let _ = sender.send(pick_point(&cloud, &request));
             wake();
         });
         Self { found }
@@ -146,7 +152,14 @@ mod tests {
             orbit.orthographic = orthographic;
             let camera = orbit.camera(100, 100);
             let pick = |appearance: &Appearance, clip: &Clip| {
-                pick_point(&cloud, &camera, Vec2::splat(50.0), 4.0, appearance, clip)
+                let request = PickRequest {
+                    camera,
+                    appearance: appearance.clone(),
+                    clip: *clip,
+                    at_px: Vec2::splat(50.0),
+                    radius_px: 4.0,
+                };
+                pick_point(&cloud, &request)
             };
             let mut appearance = Appearance::default();
             assert_eq!(pick(&appearance, &Clip::default()), Some(0));

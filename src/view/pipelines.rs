@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use wgpu::util::DeviceExt;
 
 use super::frame_shapes::{Line, Planes};
-use super::target::compiled;
+use super::target::{Primitives, compiled};
 
 /// The compiled pipelines and the uniform that they share.
 pub(super) struct Pipelines {
@@ -113,7 +113,10 @@ fn pipeline(
         device,
         groups,
         shader,
-        (&[Some(vertices)], shape.topology),
+        &Primitives {
+            buffers: &[Some(vertices)],
+            topology: shape.topology,
+        },
         true,
     )
 }

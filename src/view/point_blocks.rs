@@ -7,6 +7,7 @@ use glam::Vec4;
 use super::arrangement::Arrangement;
 use super::paint::Paint;
 use super::pipelines::{Pipelines, PointInstance};
+use super::target::Gpu;
 use super::{Bounds, SceneStyle, ViewCamera};
 use ostra_cloud::LabelledCloud;
 
@@ -134,17 +135,12 @@ impl PointBlocks {
     ///
     /// First come some points of all blocks, so that anything that comes into view can be drawn.
     /// Then come the points that the image needs.
-    pub fn upload_next(
-        &mut self,
-        gpu: (&wgpu::Device, &wgpu::Queue),
-        cloud: &LabelledCloud,
-        paint: &Paint,
-    ) {
+    pub fn upload_next(&mut self, gpu: &Gpu, cloud: &LabelledCloud, paint: &Paint) {
         if self.on_gpu.iter().any(|block| block.count == 0) {
             let total = self.arrangement.len().max(UPLOAD);
             for block in 0..self.on_gpu.len() {
                 let first = (self.arrangement.blocks[block].len() * UPLOAD).div_ceil(total);
-                self.upload(gpu, cloud, paint, (block, first));
+                self.upload(gpu, cloud, paint, block, first);
             }
             return;
         }
@@ -157,7 +153,7 @@ impl PointBlocks {
             if share > has && room > 0 {
                 // At least doubling the points keeps the number of uploads small.
                 let end = share.max(has * 2).min(all).min(has + room);
-                self.upload(gpu, cloud, paint, (block, end));
+                self.upload(gpu, cloud, paint, block, end);
                 room -= end - has;
             }
         }
@@ -166,10 +162,11 @@ impl PointBlocks {
     /// Uploads points until the first `end` points of a block are on the GPU.
     fn upload(
         &mut self,
-        (device, queue): (&wgpu::Device, &wgpu::Queue),
+        gpu: &Gpu,
         cloud: &LabelledCloud,
         paint: &Paint,
-        (block, end): (usize, usize),
+        block: usize,
+        end: usize,
     ) {
         let OnGpu { points, count } = &mut self.on_gpu[block];
         let pack = |(index, radius): (usize, f32)| PointInstance {
@@ -184,14 +181,15 @@ impl PointBlocks {
             .collect();
         let size = size_of::<PointInstance>() as u64;
         let buffer = points.get_or_insert_with(|| {
-            device.create_buffer(&wgpu::BufferDescriptor {
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("points"),
                 size: self.arrangement.blocks[block].len() as u64 * size,
                 usage: wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::COPY_DST,
                 mapped_at_creation: false,
             })
         });
-        queue.write_buffer(buffer, *count as u64 * size, bytemuck::cast_slice(&packed));
+        gpu.queue
+            .write_buffer(buffer, *count as u64 * size, bytemuck::cast_slice(&packed));
         *count = end;
     }
 

@@ -38,14 +38,14 @@ impl RenderRequest {
         }
     }
 
-    /// Draws the model at `size` (columns, rows), with the scene turned right by `turned` radians.
+    /// Draws the model at a size in pixels, with the scene turned right by `turned` radians.
     ///
     /// With `transparent`, smoothing of a mesh ignores the background.
     #[must_use]
-    pub fn draw(&self, size: (u32, u32), turned: f32, transparent: bool) -> Shot {
+    pub fn draw(&self, width: u32, height: u32, turned: f32, transparent: bool) -> Shot {
         let mut orbit = self.orbit;
         orbit.turn(turned);
-        let point_px = self.style.point_px * size.1 as f32 / self.rows.max(1) as f32;
+        let point_px = self.style.point_px * height as f32 / self.rows.max(1) as f32;
         let style = SceneStyle {
             point_px,
             ..self.style.clone()
@@ -55,11 +55,11 @@ impl RenderRequest {
                 let arrangement = self
                     .arrangement
                     .get_or_init(|| Arc::new(Arrangement::of(&cloud.positions)));
-                draw_arranged(cloud, arrangement, &orbit.camera(size.0, size.1), &style)
+                draw_arranged(cloud, arrangement, &orbit.camera(width, height), &style)
             }
             // Each pixel is the mean of four, which smooths edges.
             Model::Surface(mesh) | Model::Wireframe(mesh) => {
-                draw_mesh(mesh, &orbit.camera(size.0 * 2, size.1 * 2), &style).halved(transparent)
+                draw_mesh(mesh, &orbit.camera(width * 2, height * 2), &style).halved(transparent)
             }
         }
     }

@@ -6,7 +6,7 @@ use super::ViewCamera;
 use super::content::{Content, Model, Scene3d};
 use super::mesh_raster::AMBIENT;
 use super::pipelines::{EyeUniform, Pipelines};
-use super::target::{EyeDome, Target};
+use super::target::{EyeDome, Gpu, Target};
 
 /// Maximum duration of one call of [`SceneView::draw`] before the batch shrinks.
 const FRAME_BUDGET: Duration = Duration::from_millis(40);
@@ -18,8 +18,7 @@ const FRAME_BUDGET: Duration = Duration::from_millis(40);
 /// visible image. Points are drawn as finer images off screen, each shown when it is complete,
 /// until all points are drawn.
 pub struct SceneView {
-    pub(super) device: wgpu::Device,
-    pub(super) queue: wgpu::Queue,
+    gpu: Gpu,
     pipelines: Pipelines,
     dome: EyeDome,
     content: Content,
@@ -39,8 +38,10 @@ impl SceneView {
     #[must_use]
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
         Self {
-            device: device.clone(),
-            queue: queue.clone(),
+            gpu: Gpu {
+                device: device.clone(),
+                queue: queue.clone(),
+            },
             pipelines: Pipelines::new(device),
             dome: EyeDome::new(device),
             content: Content::empty(),
@@ -80,15 +81,14 @@ impl SceneView {
         }
         self.adapt_batch();
         let begins = fresh || self.content.is_drawn();
-        let gpu = (&self.device, &self.queue);
         if fresh {
-            self.content.begin(gpu, scene, self.batch);
+            self.content.begin(&self.gpu, scene, self.batch);
         } else {
             if begins {
                 self.content.refine();
             }
             self.content
-                .upload_next(gpu, &scene.style.appearance, self.batch);
+                .upload_next(&self.gpu, &scene.style.appearance, self.batch);
         }
         self.draw_next(begins, scene);
         self.content.is_whole() && self.content.is_final()
@@ -115,13 +115,12 @@ impl SceneView {
     }
 
     fn fit_target(&mut self, camera: &ViewCamera) {
-        let size = (camera.width.max(1), camera.height.max(1));
-        if self
+        if !self
             .target
             .as_ref()
-            .is_none_or(|target| target.size != size)
+            .is_some_and(|target| target.fits(camera))
         {
-            self.target = Some(Target::new(&self.device, &self.dome, size));
+            self.target = Some(Target::new(&self.gpu.device, &self.dome, camera));
         }
     }
 
@@ -156,34 +155,29 @@ impl SceneView {
     /// Draws a batch over the background if an image `begins`, otherwise over the earlier batches.
     fn draw_next(&mut self, begins: bool, scene: &Scene3d) {
         let Some(target) = &self.target else { return };
-        self.queue.write_buffer(
+        let Gpu { device, queue } = &self.gpu;
+        queue.write_buffer(
             &self.pipelines.eye,
             0,
             bytemuck::bytes_of(&eye_uniform(scene)),
         );
         self.dome.set(
-            &self.queue,
+            queue,
             self.content.edl_strength(scene.style.edl_strength),
             &scene.camera,
         );
         let lines = (begins && !scene.lines.is_empty()).then(|| {
-            self.device
-                .create_buffer_init(&wgpu::util::BufferInitDescriptor {
-                    label: Some("lines"),
-                    contents: bytemuck::cast_slice(&scene.lines),
-                    usage: wgpu::BufferUsages::VERTEX,
-                })
+            device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                label: Some("lines"),
+                contents: bytemuck::cast_slice(&scene.lines),
+                usage: wgpu::BufferUsages::VERTEX,
+            })
         });
-        let planes = (begins && !scene.planes.is_empty()).then(|| {
-            self.pipelines
-                .planes
-                .place(&self.device, &self.queue, &scene.planes)
+        let planes = (begins && !scene.planes.is_empty())
+            .then(|| self.pipelines.planes.place(device, queue, &scene.planes));
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor {
+            label: Some("scene"),
         });
-        let mut encoder = self
-            .device
-            .create_command_encoder(&wgpu::CommandEncoderDescriptor {
-                label: Some("scene"),
-            });
         let before = if begins { 0 } else { self.content.drawn() };
         {
             let mut pass = target.begin(&mut encoder, begins.then_some(scene.style.background));
@@ -202,7 +196,7 @@ impl SceneView {
         if self.content.is_presentable() {
             target.light(&mut encoder, &self.dome);
         }
-        self.queue.submit([encoder.finish()]);
+        queue.submit([encoder.finish()]);
     }
 }
 

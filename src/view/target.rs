@@ -5,9 +5,18 @@ use wgpu::util::DeviceExt;
 
 use super::{Projection, ViewCamera};
 
+/// A device and its queue.
+pub(super) struct Gpu {
+    pub(super) device: wgpu::Device,
+    pub(super) queue: wgpu::Queue,
+}
+
 /// The textures of the 3-D view.
 pub(super) struct Target {
-    pub(super) size: (u32, u32),
+    /// Width in pixels.
+    width: u32,
+    /// Height in pixels.
+    height: u32,
     /// The image before eye-dome lighting; opacity 0 means that the model is not drawn there.
     color: wgpu::TextureView,
     depth: wgpu::TextureView,
@@ -18,13 +27,15 @@ pub(super) struct Target {
 }
 
 impl Target {
-    pub(super) fn new(device: &wgpu::Device, dome: &EyeDome, size: (u32, u32)) -> Self {
+    /// Creates the textures for a camera's images, at least 1 × 1 pixel.
+    pub(super) fn new(device: &wgpu::Device, dome: &EyeDome, camera: &ViewCamera) -> Self {
+        let (width, height) = size_of_image(camera);
         let texture = |format, usage| {
             let texture = device.create_texture(&wgpu::TextureDescriptor {
                 label: Some("scene"),
                 size: wgpu::Extent3d {
-                    width: size.0,
-                    height: size.1,
+                    width,
+                    height,
                     depth_or_array_layers: 1,
                 },
                 mip_level_count: 1,
@@ -40,12 +51,18 @@ impl Target {
         let (color, depth) = (texture(COLOR_FORMAT, read), texture(DEPTH_FORMAT, read));
         let inputs = dome.inputs(device, &color, &depth);
         Self {
-            size,
+            width,
+            height,
             color,
             depth,
             lit: texture(COLOR_FORMAT, read | wgpu::TextureUsages::COPY_SRC),
             inputs,
         }
+    }
+
+    /// Returns whether the textures have the size of a camera's images.
+    pub(super) fn fits(&self, camera: &ViewCamera) -> bool {
+        (self.width, self.height) == size_of_image(camera)
     }
 
     /// Runs the lighting pass into [`Self::lit`].
@@ -103,6 +120,11 @@ impl Target {
             ..Default::default()
         })
     }
+}
+
+/// Returns the width and height of a camera's images, in pixels, at least 1.
+fn size_of_image(camera: &ViewCamera) -> (u32, u32) {
+    (camera.width.max(1), camera.height.max(1))
 }
 
 /// Eye-dome lighting on the GPU: a pass over the image and its depths.
@@ -166,7 +188,10 @@ impl EyeDome {
             device,
             &[&layout],
             shader,
-            (&[], wgpu::PrimitiveTopology::TriangleList),
+            &Primitives {
+                buffers: &[],
+                topology: wgpu::PrimitiveTopology::TriangleList,
+            },
             false,
         );
         Self {
@@ -226,6 +251,13 @@ impl EyeDome {
 
 const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
+/// The primitives that a pipeline draws.
+pub(super) struct Primitives<'a> {
+    /// Layouts of the vertex buffers.
+    pub(super) buffers: &'a [Option<wgpu::VertexBufferLayout<'a>>],
+    pub(super) topology: wgpu::PrimitiveTopology,
+}
+
 /// Compiles a pipeline from the functions `vertex` and `fragment` of a shader.
 ///
 /// `has_depth` enables the depth test, so that nearer primitives occlude farther ones.
@@ -233,10 +265,7 @@ pub(super) fn compiled(
     device: &wgpu::Device,
     groups: &[&wgpu::BindGroupLayout],
     shader: wgpu::ShaderModuleDescriptor<'_>,
-    (buffers, topology): (
-        &[Option<wgpu::VertexBufferLayout<'_>>],
-        wgpu::PrimitiveTopology,
-    ),
+    primitives: &Primitives<'_>,
     has_depth: bool,
 ) -> wgpu::RenderPipeline {
     let label = shader.label;
@@ -255,10 +284,10 @@ pub(super) fn compiled(
             module: &module,
             entry_point: Some("vertex"),
             compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers,
+            buffers: primitives.buffers,
         },
         primitive: wgpu::PrimitiveState {
-            topology,
+            topology: primitives.topology,
             ..Default::default()
         },
         depth_stencil: has_depth.then(|| wgpu::DepthStencilState {

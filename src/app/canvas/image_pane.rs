@@ -1,16 +1,17 @@
 use egui::{Color32, FontId, Pos2, Rect, Response, Role, Sense, Stroke, Ui, Vec2, WidgetInfo};
 
 use super::draft::Tool;
-use super::input::canvas_input;
+use super::input::{CanvasPointer, canvas_input};
 use super::map::CanvasMap;
 use super::paint;
 use super::prompts::with_click;
 use super::toolbar::toolbar_ui;
 use crate::pointer::HoverDwell;
+use crate::shell::Requests;
 use crate::textures::Textures;
-use crate::{Action, SessionView, ViewState};
+use crate::{SessionView, ViewState};
 use ostra_masks::Click;
-use ostra_session::{Command, PromptRequest};
+use ostra_session::PromptRequest;
 use ostra_view::{Layer, OverlayStyle, ramp};
 
 /// Draws the shown frame's image with its tool bar.
@@ -19,8 +20,7 @@ pub(crate) fn image_pane_ui(
     session: &SessionView<'_>,
     view: &mut ViewState,
     textures: &mut Textures,
-    out: &mut Vec<Command>,
-    actions: &mut Vec<Action>,
+    requests: &mut Requests,
 ) {
     let Some(frame) = session.project.frames.get(view.frame) else {
         return;
@@ -36,13 +36,18 @@ pub(crate) fn image_pane_ui(
     egui::Frame::new()
         .inner_margin(egui::Margin::symmetric(8, 4))
         .show(ui, |ui| {
-            toolbar_ui(ui, session, view, zoom_percent, actions);
+            toolbar_ui(ui, session, view, zoom_percent, &mut requests.actions);
         });
     let (pane, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
     let name = format!("Image {}", frame.name);
     response.widget_info(|| WidgetInfo::labeled(Role::Image, ui.is_enabled(), &name));
     let map = view.zoom.map(pane, size_px);
-    canvas_input(ui, &response, &map, session, view, out);
+    let pointer = CanvasPointer {
+        ui,
+        response: &response,
+        map: &map,
+    };
+    canvas_input(&pointer, session, view, &mut requests.commands);
     let map = view.zoom.map(pane, size_px);
     view.pointer_px = response
         .hover_pos()

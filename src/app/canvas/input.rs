@@ -10,30 +10,55 @@ use crate::pointer::pointer_path;
 use crate::{SessionView, ViewState};
 use ostra_session::Command;
 
+/// Pointer on the image in one frame of the window.
+pub(super) struct CanvasPointer<'a> {
+    pub ui: &'a Ui,
+    pub response: &'a Response,
+    pub map: &'a CanvasMap,
+}
+
+impl CanvasPointer<'_> {
+    /// Returns the image position of the pointer while it interacts with the image.
+    fn position(&self) -> Option<DVec2> {
+        self.response
+            .interact_pointer_pos()
+            .map(|at| self.map.to_px(at))
+    }
+
+    /// Returns the image position where a drag that begins in this frame was pressed.
+    fn drag_began(&self) -> Option<DVec2> {
+        let began = self.response.drag_started_by(PointerButton::Primary);
+        let moved = self.response.total_drag_delta().unwrap_or_default();
+        self.response
+            .interact_pointer_pos()
+            .filter(|_| began)
+            .map(|at| self.map.to_px(at - moved))
+    }
+}
+
 /// Translates pointer input on the image into commands.
 pub(super) fn canvas_input(
-    ui: &Ui,
-    response: &Response,
-    map: &CanvasMap,
+    pointer: &CanvasPointer<'_>,
     session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
 ) {
-    wheel(ui, response, map, view);
-    if pan(ui, response, map, view) {
+    wheel(pointer, view);
+    if pan(pointer, view) {
         view.draft.drop_half_made();
         return;
     }
     match view.tool {
-        Tool::Click => click_tool(response, map, session, view, out),
-        Tool::Brush | Tool::Eraser => brush_tool(ui, response, map, session, view, out),
-        Tool::Polygon | Tool::Stem => corners_tool(ui, response, map, session, view, out),
-        Tool::Border => border_tool(response, map, session, view, out),
+        Tool::Click => click_tool(pointer, session, view, out),
+        Tool::Brush | Tool::Eraser => brush_tool(pointer, session, view, out),
+        Tool::Polygon | Tool::Stem => corners_tool(pointer, session, view, out),
+        Tool::Border => border_tool(pointer, session, view, out),
     }
 }
 
 /// Handles the wheel: zooms at the pointer, or with Shift sets the brush size.
-fn wheel(ui: &Ui, response: &Response, map: &CanvasMap, view: &mut ViewState) {
+fn wheel(pointer: &CanvasPointer<'_>, view: &mut ViewState) {
+    let CanvasPointer { ui, response, map } = pointer;
     let Some(at) = response.hover_pos() else {
         return;
     };
@@ -49,7 +74,8 @@ fn wheel(ui: &Ui, response: &Response, map: &CanvasMap, view: &mut ViewState) {
 }
 
 /// Pans by middle drag or Space + drag; returns `true` if that captures the pointer.
-fn pan(ui: &Ui, response: &Response, map: &CanvasMap, view: &mut ViewState) -> bool {
+fn pan(pointer: &CanvasPointer<'_>, view: &mut ViewState) -> bool {
+    let CanvasPointer { ui, response, map } = pointer;
     let space = response.hovered() && ui.input(|i| i.key_down(Key::Space));
     let dragging = response.dragged_by(PointerButton::Middle)
         || (space && response.dragged_by(PointerButton::Primary));
@@ -62,35 +88,21 @@ fn pan(ui: &Ui, response: &Response, map: &CanvasMap, view: &mut ViewState) -> b
     dragging || space
 }
 
-fn position(response: &Response, map: &CanvasMap) -> Option<DVec2> {
-    response.interact_pointer_pos().map(|at| map.to_px(at))
-}
-
-/// Returns the image position where a drag that begins in this frame was pressed.
-fn drag_began(response: &Response, map: &CanvasMap) -> Option<DVec2> {
-    let began = response.drag_started_by(PointerButton::Primary);
-    let moved = response.total_drag_delta().unwrap_or_default();
-    response
-        .interact_pointer_pos()
-        .filter(|_| began)
-        .map(|at| map.to_px(at - moved))
-}
-
 fn click_tool(
-    response: &Response,
-    map: &CanvasMap,
+    pointer: &CanvasPointer<'_>,
     session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
 ) {
-    let at = position(response, map);
+    let CanvasPointer { response, map, .. } = pointer;
+    let at = pointer.position();
     if response.clicked() || response.secondary_clicked() {
         if let Some(at_px) = at.and_then(|at| map.inside(at)) {
             click_at(session, view, at_px, response.clicked(), out);
         }
         return;
     }
-    if let Some(begin) = drag_began(response, map) {
+    if let Some(begin) = pointer.drag_began() {
         view.draft.box_from = Some(map.clamped(begin));
     }
     if response.drag_stopped_by(PointerButton::Primary)
@@ -105,14 +117,13 @@ fn click_tool(
 }
 
 fn brush_tool(
-    ui: &Ui,
-    response: &Response,
-    map: &CanvasMap,
+    pointer: &CanvasPointer<'_>,
     session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
 ) {
     const BUTTONS: [PointerButton; 2] = [PointerButton::Primary, PointerButton::Secondary];
+    let CanvasPointer { ui, response, map } = pointer;
     let (pressed, is_over, ctrl) = ui.input(|i| {
         let down = BUTTONS
             .into_iter()
@@ -143,7 +154,7 @@ fn brush_tool(
             let begin = places
                 .first()
                 .map(|&at| map.to_px(at))
-                .or_else(|| position(response, map));
+                .or_else(|| pointer.position());
             let points_px = Vec::from_iter(begin);
             view.draft.stroke = Some(Stroke {
                 frame: view.frame,
@@ -182,17 +193,17 @@ const HOLD_POINTS: f64 = 12.0;
 
 /// Drags a border of the selected label.
 fn border_tool(
-    response: &Response,
-    map: &CanvasMap,
+    pointer: &CanvasPointer<'_>,
     session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
 ) {
-    if let Some(begin) = drag_began(response, map) {
+    let CanvasPointer { response, map, .. } = pointer;
+    if let Some(begin) = pointer.drag_began() {
         hold_border(session, view, begin, HOLD_POINTS / f64::from(map.scale));
     }
     if response.drag_stopped_by(PointerButton::Primary)
-        && let (Some(held), Some(to)) = (view.draft.held.take(), position(response, map))
+        && let (Some(held), Some(to)) = (view.draft.held.take(), pointer.position())
     {
         move_border(&held, to, out);
     }
@@ -202,18 +213,17 @@ fn border_tool(
 ///
 /// A polygon may also be drawn freehand.
 fn corners_tool(
-    ui: &Ui,
-    response: &Response,
-    map: &CanvasMap,
+    pointer: &CanvasPointer<'_>,
     session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
 ) {
+    let CanvasPointer { ui, response, map } = pointer;
     let pressed = |key| response.hovered() && ui.input(|i| i.key_pressed(key));
     let mut finished = response.double_clicked() || pressed(Key::Enter);
     if response.clicked()
         && !finished
-        && let Some(at) = position(response, map)
+        && let Some(at) = pointer.position()
     {
         let near_start = |first: &DVec2| map.to_screen(*first).distance(map.to_screen(at)) < 8.0;
         let corners = &mut view.draft.corners;
@@ -230,7 +240,7 @@ fn corners_tool(
         view.draft.corners.pop();
     }
     if view.tool == Tool::Polygon {
-        finished |= lasso(ui, response, map, view);
+        finished |= lasso(pointer, view);
     }
     match (finished, view.tool) {
         (true, Tool::Stem) => trace_thin(session, view, out),
@@ -245,7 +255,8 @@ const LASSO_POINTS: f32 = 8.0;
 /// Records a freehand outline while the button is held and no vertex is set.
 ///
 /// Returns `true` once the button is released after an outline, which then replaces the vertices.
-fn lasso(ui: &Ui, response: &Response, map: &CanvasMap, view: &mut ViewState) -> bool {
+fn lasso(pointer: &CanvasPointer<'_>, view: &mut ViewState) -> bool {
+    let CanvasPointer { ui, response, map } = pointer;
     let (pressed, down) = ui.input(|i| (i.pointer.primary_pressed(), i.pointer.primary_down()));
     if pressed && response.is_pointer_button_down_on() && view.draft.corners.is_empty() {
         view.draft.lasso = Some(Vec::new());

@@ -1,7 +1,7 @@
 use egui::{DragValue, Ui};
 
 use super::export_form::{Available, ExportForm, mask_format_ui};
-use super::picker::{Pick, PickTarget, path_field_ui};
+use super::picker::{PathField, Pick, PickTarget, path_field_ui};
 use crate::panels::{ground_ui, unit_ui};
 use crate::tooltips::{modal, section_heading};
 use crate::{SessionView, ViewState};
@@ -32,14 +32,13 @@ pub(crate) fn export_ui(
         ui.add_space(8.0);
         section_heading(ui, "Folder");
         ui.horizontal(|ui| {
-            let target = (Pick::Folder, PickTarget::ExportInto);
-            path_field_ui(
-                ui,
-                &mut view.picker,
-                ("Export folder", "folder for the exported files"),
-                &mut view.export.into,
-                target,
-            );
+            let field = PathField {
+                name: "Export folder",
+                hint: "folder for the exported files",
+                pick: Pick::Folder,
+                target: PickTarget::ExportInto,
+            };
+            path_field_ui(ui, &mut view.picker, &field, &mut view.export.into);
         });
         ui.add_space(12.0);
         end_ui(ui, view, &has, out);

@@ -1,6 +1,6 @@
 use egui::{Key, Ui};
 
-use crate::panels::listed;
+use crate::panels::{ListedLabel, listed};
 use crate::tooltips::modal;
 use crate::view_state::IntoRequest;
 use crate::{SessionView, ViewState};
@@ -62,7 +62,9 @@ pub(crate) fn into_ui(
 
 fn choice_ui(ui: &mut Ui, session: &SessionView<'_>, but: LabelId) -> Option<LabelId> {
     let mut chosen = None;
-    for (number, (label, depth)) in (1..).zip(listed(&session.project.labels)) {
+    for row in listed(&session.project.labels) {
+        let ListedLabel { label, depth, .. } = row;
+        let number = row.number + 1;
         if label.id == but {
             continue;
         }

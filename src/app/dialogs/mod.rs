@@ -20,7 +20,7 @@ pub(super) use into::into_ui;
 pub(super) use models::models_ui;
 pub(super) use new_project::new_project_ui;
 pub(super) use path::{path_ui, relocate_ui, take_picked};
+pub(super) use picker::{PathField, Pick, PickTarget, path_field_ui, typed_path};
 pub use picker::{PathPicker, PathRequest};
-pub(super) use picker::{Pick, PickTarget, path_field_ui, typed_path};
 pub(super) use scene_image::image_ui;
 pub(super) use sheet::{palette_ui, sheet_ui};

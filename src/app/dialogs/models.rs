@@ -3,7 +3,7 @@ use ostra_session::JobTask;
 use egui::{Button, ComboBox, ProgressBar, ScrollArea, Ui};
 
 use super::forms::ModelsForm;
-use super::picker::{Pick, PickTarget, path_field_ui, typed_path};
+use super::picker::{PathField, Pick, PickTarget, path_field_ui, typed_path};
 use crate::panels::progress_text;
 use crate::tooltips::modal;
 use crate::{SessionView, ViewState};
@@ -188,13 +188,13 @@ fn adding_ui(ui: &mut Ui, view: &mut ViewState, row: &Row, out: &mut Vec<Command
     ui.weak(format!("Files: {}", row.files.join(", ")));
     ui.horizontal(|ui| {
         let form = &mut view.models;
-        path_field_ui(
-            ui,
-            &mut view.picker,
-            ("Network files", hint),
-            &mut form.path,
-            (pick, PickTarget::Network),
-        );
+        let field = PathField {
+            name: "Network files",
+            hint,
+            pick,
+            target: PickTarget::Network,
+        };
+        path_field_ui(ui, &mut view.picker, &field, &mut form.path);
         let path = typed_path(&form.path);
         let add = ui
             .add_enabled(path.is_some(), Button::new("Add files"))

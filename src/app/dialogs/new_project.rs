@@ -1,7 +1,7 @@
 use egui::{DragValue, Grid, TextEdit, Ui};
 
 use super::forms::{NewProjectForm, SourceForm};
-use super::picker::{PathPicker, Pick, PickTarget, path_field_ui};
+use super::picker::{PathField, PathPicker, Pick, PickTarget, path_field_ui};
 use crate::tooltips::{field, icon_button, modal, section_heading};
 use crate::{Dialog, ViewState};
 use ostra_session::Command;
@@ -45,22 +45,19 @@ fn form_ui(ui: &mut Ui, view: &mut ViewState, new: bool) {
         "COLMAP model, transforms.json, TUM or Redwood trajectory, pose files; optional",
     );
     ui.horizontal(|ui| {
-        let target = (Pick::Folder, PickTarget::Cameras);
-        path_field_ui(
-            ui,
-            picker,
-            ("Cameras file or folder", "none"),
-            &mut form.cameras,
-            target,
-        );
+        let field = PathField {
+            name: "Cameras file or folder",
+            hint: "none",
+            pick: Pick::Folder,
+            target: PickTarget::Cameras,
+        };
+        path_field_ui(ui, picker, &field, &mut form.cameras);
     });
     ui.end_row();
     intrinsics_ui(
         ui,
-        (
-            "Intrinsics",
-            "fx, fy, cx, cy of all frames in pixels; optional",
-        ),
+        "Intrinsics",
+        "fx, fy, cx, cy of all frames in pixels; optional",
         "fx, fy, cx, cy, or a file",
         &mut form.intrinsics,
     );
@@ -73,14 +70,13 @@ fn form_ui(ui: &mut Ui, view: &mut ViewState, new: bool) {
         ui.label("Project folder")
             .on_hover_text("Folder for the project; images stay where they are");
         ui.horizontal(|ui| {
-            let target = (Pick::Folder, PickTarget::Root);
-            path_field_ui(
-                ui,
-                picker,
-                ("Project folder", &hint),
-                &mut form.root,
-                target,
-            );
+            let field = PathField {
+                name: "Project folder",
+                hint: &hint,
+                pick: Pick::Folder,
+                target: PickTarget::Root,
+            };
+            path_field_ui(ui, picker, &field, &mut form.root);
         });
         ui.end_row();
     }
@@ -105,7 +101,8 @@ fn depth_ui(ui: &mut Ui, picker: &mut PathPicker, form: &mut NewProjectForm) {
                images, pixel for pixel";
     intrinsics_ui(
         ui,
-        ("Depth camera", tip),
+        "Depth camera",
+        tip,
         "same as the images",
         &mut form.depth_intrinsics,
     );
@@ -114,20 +111,19 @@ fn depth_ui(ui: &mut Ui, picker: &mut PathPicker, form: &mut NewProjectForm) {
             "Text file with the 4 × 4 matrix from depth camera to image camera, in metres; optional",
         );
         ui.horizontal(|ui| {
-            let target = (Pick::File, PickTarget::DepthPose);
-            path_field_ui(
-                ui,
-                picker,
-                ("Depth pose", "same position"),
-                &mut form.depth_pose,
-                target,
-            );
+            let field = PathField {
+                name: "Depth pose",
+                hint: "same position",
+                pick: Pick::File,
+                target: PickTarget::DepthPose,
+            };
+            path_field_ui(ui, picker, &field, &mut form.depth_pose);
         });
         ui.end_row();
     }
 }
 
-fn intrinsics_ui(ui: &mut Ui, (name, tip): (&str, &str), hint: &str, text: &mut String) {
+fn intrinsics_ui(ui: &mut Ui, name: &str, tip: &str, hint: &str, text: &mut String) {
     field(ui, name, tip, |ui| {
         ui.add(
             TextEdit::singleline(text)
@@ -224,11 +220,13 @@ fn sources_ui(ui: &mut Ui, picker: &mut PathPicker, sources: &mut Vec<SourceForm
             .on_hover_text("Folder of images, single image or video");
         ui.horizontal(|ui| {
             let name = format!("Frames folder or video{number}");
-            let ends = (
-                "folder of images, or a video",
-                (Pick::Folder, PickTarget::Frames(index)),
-            );
-            path_field_ui(ui, picker, (&name, ends.0), &mut source.frames, ends.1);
+            let field = PathField {
+                name: &name,
+                hint: "folder of images, or a video",
+                pick: Pick::Folder,
+                target: PickTarget::Frames(index),
+            };
+            path_field_ui(ui, picker, &field, &mut source.frames);
             if several
                 && icon_button(
                     ui,
@@ -246,8 +244,13 @@ fn sources_ui(ui: &mut Ui, picker: &mut PathPicker, sources: &mut Vec<SourceForm
             .on_hover_text("Folder of depth images that belong to these frames");
         ui.horizontal(|ui| {
             let name = format!("Depth folder{number}");
-            let target = (Pick::Folder, PickTarget::Depth(index));
-            path_field_ui(ui, picker, (&name, "none"), &mut source.depth, target);
+            let field = PathField {
+                name: &name,
+                hint: "none",
+                pick: Pick::Folder,
+                target: PickTarget::Depth(index),
+            };
+            path_field_ui(ui, picker, &field, &mut source.depth);
         });
         ui.end_row();
     }

@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use egui::{Context, Grid, Key, Ui};
 
 use super::export_form::{mask_format_name, mask_format_ui};
-use super::picker::{PathRequest, Pick, PickTarget, path_field_ui, typed_path};
+use super::picker::{PathField, PathRequest, Pick, PickTarget, path_field_ui, typed_path};
 use crate::ViewState;
 use crate::tooltips::{field, modal};
 use ostra_project::ExportRequest;
@@ -25,11 +25,13 @@ pub(crate) fn path_ui(ui: &Ui, view: &mut ViewState, request: PathRequest, out: 
         ui.heading(texts.heading);
         ui.add_space(8.0);
         ui.horizontal(|ui| {
-            let (name, target) = (
-                (texts.field, texts.hint),
-                (texts.pick, PickTarget::Path(request)),
-            );
-            let edit = path_field_ui(ui, &mut view.picker, name, &mut view.path_text, target);
+            let field = PathField {
+                name: texts.field,
+                hint: texts.hint,
+                pick: texts.pick,
+                target: PickTarget::Path(request),
+            };
+            let edit = path_field_ui(ui, &mut view.picker, &field, &mut view.path_text);
             done = edit.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
         });
         if request == PathRequest::ImportMasks {
@@ -157,14 +159,14 @@ pub(crate) fn relocate_ui(ui: &Ui, view: &mut ViewState, out: &mut Vec<Command>)
                     ),
                 ];
                 for (name, tip, text, target) in places {
+                    let path_field = PathField {
+                        name,
+                        hint: "folder or video",
+                        pick: Pick::Folder,
+                        target,
+                    };
                     field(ui, name, tip, |ui| {
-                        path_field_ui(
-                            ui,
-                            &mut view.picker,
-                            (name, "folder or video"),
-                            text,
-                            (Pick::Folder, target),
-                        );
+                        path_field_ui(ui, &mut view.picker, &path_field, text);
                     });
                 }
             });

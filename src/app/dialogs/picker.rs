@@ -108,14 +108,26 @@ impl Wake for Repaint {
 const FIELD_WIDTH: f32 = 360.0;
 const BROWSE_WIDTH: f32 = 86.0;
 
+/// Field for a path, typed or chosen.
+pub(crate) struct PathField<'a> {
+    /// Accessible name.
+    pub name: &'a str,
+    /// Text shown while the field is empty.
+    pub hint: &'a str,
+    /// Kind of path to choose.
+    pub pick: Pick,
+    /// Field that receives a chosen path.
+    pub target: PickTarget,
+}
+
 /// Adds a path field with a button that opens the file chooser.
 pub(crate) fn path_field_ui(
     ui: &mut Ui,
     picker: &mut PathPicker,
-    (name, hint): (&str, &str),
+    field: &PathField<'_>,
     text: &mut String,
-    (pick, target): (Pick, PickTarget),
 ) -> egui::Response {
+    let name = field.name;
     let narrow = ui.available_width() < FIELD_WIDTH;
     let width = if narrow {
         (ui.available_width() - BROWSE_WIDTH).max(60.0)
@@ -123,12 +135,12 @@ pub(crate) fn path_field_ui(
         FIELD_WIDTH
     };
     let edit = TextEdit::singleline(text)
-        .hint_text(hint)
+        .hint_text(field.hint)
         .desired_width(width);
     let edit = ui.add(edit).accessible_name(name);
     let browse = ui.button("Browse…").on_hover_text("Open the file chooser");
     if browse.accessible_name(format!("Browse {name}")).clicked() {
-        picker.ask(pick, target);
+        picker.ask(field.pick, field.target);
     }
     edit
 }

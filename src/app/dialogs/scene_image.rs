@@ -2,7 +2,7 @@ use egui::{DragValue, Ui};
 
 use super::export::replace_ui;
 use super::forms::ImageForm;
-use super::picker::{Pick, PickTarget, path_field_ui};
+use super::picker::{PathField, Pick, PickTarget, path_field_ui};
 use crate::tooltips::modal;
 use crate::{Panes, ViewState};
 
@@ -38,18 +38,18 @@ pub(crate) fn image_ui(ui: &Ui, view: &mut ViewState) {
         }
         ui.add_space(8.0);
         ui.horizontal(|ui| {
-            let name = if form.is_video {
+            let (name, hint) = if form.is_video {
                 ("Video file", "turntable.mp4, .mkv or .webm")
             } else {
                 ("Image file", "view.png")
             };
-            path_field_ui(
-                ui,
-                &mut view.picker,
+            let field = PathField {
                 name,
-                &mut form.path,
-                (Pick::Save, PickTarget::Image),
-            );
+                hint,
+                pick: Pick::Save,
+                target: PickTarget::Image,
+            };
+            path_field_ui(ui, &mut view.picker, &field, &mut form.path);
         });
         replace_ui(ui, &mut view.image.overwrite);
         ui.add_space(12.0);

@@ -46,16 +46,9 @@ pub(crate) fn filmstrip_ui(
         let last = ((sight.max.x / pitch).ceil() as usize).min(count);
         for frame in first..last {
             let at = ui.max_rect().min + Vec2::new(frame as f32 * pitch, 0.0);
-            if tile_ui(
-                ui,
-                Rect::from_min_size(at, TILE),
-                session,
-                view,
-                textures,
-                frame,
-            )
-            .clicked()
-            {
+            let rect = Rect::from_min_size(at, TILE);
+            let tile = Tile { frame, rect };
+            if tile_ui(ui, tile, session, view, textures).clicked() {
                 view.frame = frame;
                 view.draft.drop_half_made();
             }
@@ -84,23 +77,30 @@ fn offset_showing(ui: &Ui, frame: usize, pitch: f32) -> f32 {
     }
 }
 
+/// Frame of the filmstrip and its place.
+#[derive(Clone, Copy)]
+struct Tile {
+    frame: usize,
+    rect: Rect,
+}
+
 fn tile_ui(
     ui: &Ui,
-    rect: Rect,
+    tile: Tile,
     session: &SessionView<'_>,
     view: &ViewState,
     textures: &mut Textures,
-    frame: usize,
 ) -> Response {
+    let Tile { frame, rect } = tile;
     let response = ui.interact(rect, ui.scope_id().with(("tile", frame)), Sense::click());
     let mask = session.project.masks.get(&frame);
     let (state, shown) = (state_of(mask), view.frame == frame);
     let name = format!("Frame {frame}, {}", state.text());
     response.widget_info(|| WidgetInfo::selected(Role::Button, true, shown, &name));
     background(ui, &response, rect, shown);
-    image(ui, rect, session, textures, frame);
-    caption(ui, rect, frame, state, shown);
-    label_marks(ui, rect, session, view, frame);
+    image(ui, tile, session, textures);
+    caption(ui, tile, state, shown);
+    label_marks(ui, tile, session, view);
     response.on_hover_ui(|ui| tooltip_ui(ui, session, mask, frame, state))
 }
 
@@ -122,7 +122,8 @@ fn background(ui: &Ui, response: &Response, rect: Rect, shown: bool) {
     }
 }
 
-fn image(ui: &Ui, rect: Rect, session: &SessionView<'_>, textures: &mut Textures, frame: usize) {
+fn image(ui: &Ui, tile: Tile, session: &SessionView<'_>, textures: &mut Textures) {
+    let Tile { frame, rect } = tile;
     let place = Rect::from_min_max(rect.min + Vec2::splat(4.0), rect.max - Vec2::new(4.0, 20.0));
     let Some(image) = session.images.and_then(|images| images.thumbnail(frame)) else {
         ui.painter()
@@ -136,8 +137,8 @@ fn image(ui: &Ui, rect: Rect, session: &SessionView<'_>, textures: &mut Textures
     ui.painter().image(texture.id(), fitted, UV, Color32::WHITE);
 }
 
-fn caption(ui: &Ui, rect: Rect, frame: usize, state: FrameState, shown: bool) {
-    let at = rect.left_bottom() + Vec2::new(11.0, -10.0);
+fn caption(ui: &Ui, tile: Tile, state: FrameState, shown: bool) {
+    let at = tile.rect.left_bottom() + Vec2::new(11.0, -10.0);
     badge(ui, at, state);
     let color = if shown {
         ui.visuals().strong_text_color()
@@ -148,7 +149,7 @@ fn caption(ui: &Ui, rect: Rect, frame: usize, state: FrameState, shown: bool) {
     ui.painter().text(
         at + Vec2::new(10.0, 0.0),
         egui::Align2::LEFT_CENTER,
-        frame.to_string(),
+        tile.frame.to_string(),
         font,
         color,
     );
@@ -180,7 +181,8 @@ fn badge(ui: &Ui, at: Pos2, state: FrameState) {
 }
 
 /// Draws a small bar in the colour of each label at the end of the caption.
-fn label_marks(ui: &Ui, rect: Rect, session: &SessionView<'_>, view: &ViewState, frame: usize) {
+fn label_marks(ui: &Ui, tile: Tile, session: &SessionView<'_>, view: &ViewState) {
+    let Tile { frame, rect } = tile;
     let mut right = rect.right() - 5.0;
     for &label in view.presence.on_frame(frame).iter().rev().take(7) {
         let [r, g, b] = session

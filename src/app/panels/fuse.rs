@@ -1,8 +1,8 @@
 use egui::{DragValue, RichText, Ui};
 use ostra_session::JobTask;
 
-use super::jobs::{progress_text, run_button_ui};
-use crate::dialogs::{Pick, PickTarget, path_field_ui};
+use super::jobs::{RunButton, progress_text, run_button_ui};
+use crate::dialogs::{PathField, Pick, PickTarget, path_field_ui};
 use crate::tooltips::{field, grouped, section_heading};
 use crate::{Action, SessionView, ViewState};
 use ostra_project::ResultKind;
@@ -49,11 +49,13 @@ pub(crate) fn fuse_ui(
         .default_open(!view.onto_text.is_empty());
     onto.show(ui, |ui| {
         ui.horizontal(|ui| {
-            let (name, target) = (
-                ("Cloud to label", "labelled PLY, or empty"),
-                (Pick::File, PickTarget::Onto),
-            );
-            path_field_ui(ui, &mut view.picker, name, &mut view.onto_text, target);
+            let field = PathField {
+                name: "Cloud to label",
+                hint: "labelled PLY, or empty",
+                pick: Pick::File,
+                target: PickTarget::Onto,
+            };
+            path_field_ui(ui, &mut view.picker, &field, &mut view.onto_text);
         });
     });
     let ready = session
@@ -62,14 +64,12 @@ pub(crate) fn fuse_ui(
         .iter()
         .any(|frame| frame.posed_camera().is_some());
     ui.horizontal(|ui| {
-        run_button_ui(
-            ui,
-            session,
-            view,
-            (Action::Fuse, &JobTask::Fuse),
-            ready,
-            actions,
-        );
+        let button = RunButton {
+            action: Action::Fuse,
+            task: &JobTask::Fuse,
+            is_enabled: ready,
+        };
+        run_button_ui(ui, session, view, &button, actions);
         if let Some(job) = session.running(&JobTask::Fuse) {
             ui.weak(progress_text(job));
             return;

@@ -1,10 +1,10 @@
 use egui::{Align2, Color32, Id, Pos2, Rangef, Rect, Sense, Stroke, Ui, Vec2, Window, WindowDrag};
 use glam::Vec3;
 
+use super::scene_content::SceneViewport;
 use super::scene_tools::{InspectedPoint, middle};
 use crate::{Panes, SessionView, ViewState};
 use ostra_masks::{LabelId, LabelTree};
-use ostra_view::ViewCamera;
 
 const COLOR: Color32 = Color32::from_rgb(255, 235, 90);
 /// Length of the cross's arms and of the gap around the point, in screen points.
@@ -16,15 +16,11 @@ const WIDTH: f32 = 180.0;
 /// Draws a cross around the inspected point and returns its centre on the screen.
 ///
 /// The cross has the same size at any distance and is visible on light and dark backgrounds.
-fn mark(
-    ui: &Ui,
-    rect: Rect,
-    camera: &ViewCamera,
-    inspected_point: &InspectedPoint,
-) -> Option<Pos2> {
+fn mark(ui: &Ui, viewport: &SceneViewport, inspected_point: &InspectedPoint) -> Option<Pos2> {
+    let SceneViewport { rect, camera, .. } = viewport;
     let (at, _) = camera.project(inspected_point.place())?;
     let at = rect.min + Vec2::new(at.x, at.y) / ui.pixels_per_point();
-    let painter = ui.painter().with_clip_rect(rect);
+    let painter = ui.painter().with_clip_rect(*rect);
     for stroke in [Stroke::new(5.0, Color32::BLACK), Stroke::new(2.0, COLOR)] {
         for arm in [Vec2::X, Vec2::Y, -Vec2::X, -Vec2::Y] {
             painter.line_segment([at + GAP * arm, at + (GAP + ARM) * arm], stroke);
@@ -38,7 +34,7 @@ fn mark(
 /// The window shows the point's label, its votes, and links to the frames that show it.
 pub(super) fn inspector_ui(
     ui: &Ui,
-    (rect, camera): (Rect, &ViewCamera),
+    viewport: &SceneViewport,
     place: &mut InspectedPlace,
     session: &SessionView<'_>,
     view: &mut ViewState,
@@ -52,7 +48,7 @@ pub(super) fn inspector_ui(
         place.forget();
         return;
     };
-    let at = mark(ui, rect, camera, &inspected_point);
+    let at = mark(ui, viewport, &inspected_point);
     let (mut open, mut to) = (true, None);
     // A small window leaves most of the cloud visible.
     let window = egui::Window::new(egui::RichText::new("Point").strong())
@@ -62,8 +58,8 @@ pub(super) fn inspector_ui(
         .frame(egui::Frame::window(ui.style()).inner_margin(8))
         .open(&mut open);
     place
-        .put(window, ui, rect, (inspected_point.place(), at))
-        .constrain_to(rect)
+        .put(window, ui, viewport.rect, inspected_point.place(), at)
+        .constrain_to(viewport.rect)
         .show(ui.ctx(), |ui| {
             let tree = if session.root.is_some() {
                 &session.project.labels
@@ -180,11 +176,12 @@ impl InspectedPlace {
         window: Window<'a>,
         ui: &Ui,
         rect: Rect,
-        point: (Vec3, Option<Pos2>),
+        point: Vec3,
+        at: Option<Pos2>,
     ) -> Window<'a> {
         let id = Id::unique("point asked about");
         let now = ui.ctx().memory(|memory| memory.area_rect(id));
-        let is_moved = self.turn_away(rect, now, point);
+        let is_moved = self.turn_away(rect, now, point, at);
         let (pivot, corner) = self.corner(rect);
         // egui ignores new positions of a window that is dragged by its title.
         let window = window.id(id).pivot(pivot).drag_area(WindowDrag::Anywhere);
@@ -201,7 +198,8 @@ impl InspectedPlace {
         &mut self,
         rect: Rect,
         now: Option<Rect>,
-        (point, at): (Vec3, Option<Pos2>),
+        point: Vec3,
+        at: Option<Pos2>,
     ) -> bool {
         let is_new = self.of.replace(point) != Some(point);
         // If other panes open or close, the old corner may be in the middle of the view.
@@ -240,7 +238,7 @@ mod tests {
     fn after(rect: Rect, points: &[Pos2]) -> Rect {
         let (mut place, mut now) = (InspectedPlace::default(), None);
         for (number, &at) in points.iter().enumerate() {
-            if place.turn_away(rect, now, (number as f32 * Vec3::X, Some(at))) {
+            if place.turn_away(rect, now, number as f32 * Vec3::X, Some(at)) {
                 let (pivot, corner) = place.corner(rect);
                 now = Some(pivot.anchor_size(corner, Vec2::new(FIRST_WIDTH, 300.0)));
             }
@@ -273,11 +271,11 @@ mod tests {
         );
         let narrow = narrow.intersect(wide);
         let (mut place, at) = (InspectedPlace::default(), Some(Pos2::new(800.0, 300.0)));
-        assert!(place.turn_away(narrow, None, (Vec3::X, at)));
+        assert!(place.turn_away(narrow, None, Vec3::X, at));
         let (pivot, corner) = place.corner(narrow);
         let now = Some(pivot.anchor_size(corner, Vec2::new(200.0, 250.0)));
-        assert!(!place.turn_away(narrow, now, (Vec3::X, at)));
-        assert!(place.turn_away(wide, now, (Vec3::X, at)), "not in a corner");
+        assert!(!place.turn_away(narrow, now, Vec3::X, at));
+        assert!(place.turn_away(wide, now, Vec3::X, at), "not in a corner");
         assert_eq!(place.corner(wide).1, Pos2::new(10.0, 10.0));
     }
 

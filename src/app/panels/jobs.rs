@@ -130,20 +130,27 @@ pub(crate) fn jobs_ui(
     }
 }
 
+/// Button that starts a task.
+pub(super) struct RunButton<'a> {
+    pub action: Action,
+    pub task: &'a JobTask,
+    pub is_enabled: bool,
+}
+
 /// Draws the button that starts a task, or stops it while it runs.
 pub(super) fn run_button_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &ViewState,
-    (action, task): (Action, &JobTask),
-    enabled: bool,
+    button: &RunButton<'_>,
     actions: &mut Vec<Action>,
 ) {
-    let (action, text) = if session.running(task).is_some() {
+    let (action, text) = if session.running(button.task).is_some() {
         (Action::Stop, "Stop")
     } else {
-        (action, task.title())
+        (button.action, button.task.title())
     };
+    let enabled = button.is_enabled;
     let strong = egui::RichText::new(text).strong();
     let button = egui::Button::new(strong).min_size(egui::vec2(92.0, 24.0));
     let tip = view.prefs.shortcuts.tip(ui.ctx(), action);

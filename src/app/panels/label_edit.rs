@@ -178,7 +178,7 @@ fn chosen_ui(
     egui::ScrollArea::vertical()
         .max_height(320.0)
         .show(ui, |ui| {
-            for (other, _) in listed(tree) {
+            for ListedLabel { label: other, .. } in listed(tree) {
                 if is_allowed(&other) && ui.button(&other.name).clicked() {
                     chosen = Some(other.id);
                 }
@@ -244,10 +244,19 @@ fn moved(tree: &LabelTree, id: LabelId, parent: Option<LabelId>) -> Option<Comma
     }))
 }
 
-/// Returns all labels with their depth (0 = top), children after their parent.
+/// Row of the label list.
+pub(crate) struct ListedLabel {
+    pub label: Label,
+    /// Number of labels above it in the tree; 0 = top.
+    pub depth: usize,
+    /// Position in the list, counted from 0.
+    pub number: usize,
+}
+
+/// Returns all labels in the order of the label list and of the keys 1–9.
 ///
-/// This is the order of the label list and of the keys 1–9.
-pub(crate) fn listed(tree: &LabelTree) -> Vec<(Label, usize)> {
+/// Children come after their parent.
+pub(crate) fn listed(tree: &LabelTree) -> Vec<ListedLabel> {
     let mut rows = Vec::new();
     push_children(tree, None, 0, &mut rows);
     rows
@@ -257,10 +266,14 @@ fn push_children(
     tree: &LabelTree,
     parent: Option<LabelId>,
     depth: usize,
-    rows: &mut Vec<(Label, usize)>,
+    rows: &mut Vec<ListedLabel>,
 ) {
     for label in tree.iter().filter(|label| label.parent == parent) {
-        rows.push((label.clone(), depth));
+        rows.push(ListedLabel {
+            label: label.clone(),
+            depth,
+            number: rows.len(),
+        });
         push_children(tree, Some(label.id), depth + 1, rows);
     }
 }
@@ -284,7 +297,7 @@ mod tests {
         }
         let rows: Vec<_> = listed(&tree)
             .into_iter()
-            .map(|(label, depth)| (label.id.0, depth))
+            .map(|row| (row.label.id.0, row.depth))
             .collect();
         assert_eq!(rows, [(1, 0), (3, 1), (4, 2), (2, 0)]);
     }

@@ -1,6 +1,8 @@
 use egui::{Color32, Response, RichText, Role, Sense, Ui, WidgetInfo};
 
-use super::label_edit::{drag_ui, label_menu_ui, listed, new_label_ui, rename_ui, top_level_ui};
+use super::label_edit::{
+    ListedLabel, drag_ui, label_menu_ui, listed, new_label_ui, rename_ui, top_level_ui,
+};
 use crate::tooltips::{grouped, icon_button, section_heading};
 use crate::{SessionView, ViewState};
 use ostra_masks::{Label, LabelId};
@@ -28,8 +30,8 @@ pub(crate) fn labels_ui(
             .weak(),
         );
     }
-    for (number, (label, depth)) in rows.iter().enumerate() {
-        label_row_ui(ui, session, view, out, label, number, *depth);
+    for row in &rows {
+        label_row_ui(ui, session, view, out, row);
     }
     top_level_ui(ui, session, out);
     ui.add_space(2.0);
@@ -86,19 +88,18 @@ fn label_row_ui(
     session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
-    label: &Label,
-    number: usize,
-    depth: usize,
+    row: &ListedLabel,
 ) {
+    let label = &row.label;
     ui.push_id(label.id, |ui| {
         ui.horizontal(|ui| {
-            ui.add_space(depth as f32 * 14.0);
+            ui.add_space(row.depth as f32 * 14.0);
             color_ui(ui, label, out);
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 row_end_ui(ui, session, view, out, label);
                 ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
                     if !rename_ui(ui, view, out, label) {
-                        name_ui(ui, session, view, out, label, number);
+                        name_ui(ui, session, view, out, row);
                     }
                 });
             });
@@ -128,9 +129,11 @@ fn name_ui(
     session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
-    label: &Label,
-    number: usize,
+    row: &ListedLabel,
 ) {
+    let &ListedLabel {
+        ref label, number, ..
+    } = row;
     let key = if number < 9 {
         format!("{}  ", number + 1)
     } else {
@@ -284,7 +287,7 @@ pub(crate) fn cloud_labels_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut
     egui::ScrollArea::vertical()
         .auto_shrink([false, false])
         .show(ui, |ui| {
-            for (label, depth) in &rows {
+            for ListedLabel { label, depth, .. } in &rows {
                 ui.horizontal(|ui| {
                     ui.add_space(*depth as f32 * 14.0);
                     let (rect, _) =

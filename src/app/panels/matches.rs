@@ -99,8 +99,7 @@ fn pair_ui(
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, &name));
     let places = places(rect, session, view.frame);
     let shown = [view.frame, other];
-    let fitted: [Rect; 2] =
-        std::array::from_fn(|i| image_ui(ui, session, textures, i, shown[i], places[i]));
+    let fitted = images_ui(ui, session, textures, shown, places);
     let at = |i: usize, at_px: DVec2| {
         let frame = &session.project.frames[shown[i]];
         let share = Vec2::new(
@@ -193,31 +192,32 @@ fn other_ui(ui: &mut Ui, view: &mut ViewState, partners: &[(usize, String)], oth
         .on_hover_text("Second frame; the list begins with the strongest link");
 }
 
-/// Draws a frame's image into a rectangle and returns the area that it covers.
-fn image_ui(
+/// Draws the images of two frames into rectangles and returns the areas that they cover.
+fn images_ui(
     ui: &Ui,
     session: &SessionView<'_>,
     textures: &mut Textures,
-    i: usize,
-    frame: usize,
-    place: Rect,
-) -> Rect {
-    let known = &session.project.frames[frame];
-    let size = Vec2::new(known.width as f32, known.height as f32);
-    let scale = (place.width() / size.x).min(place.height() / size.y);
-    let fitted = Rect::from_center_size(place.center(), size * scale);
-    match session.images.and_then(|images| images.image(frame)) {
-        Some(image) => {
-            let texture = textures.of_pair(ui.ctx(), i, &image);
-            ui.painter()
-                .image(texture.id(), fitted, UV, Color32::from_gray(190));
+    frames: [usize; 2],
+    places: [Rect; 2],
+) -> [Rect; 2] {
+    std::array::from_fn(|i| {
+        let known = &session.project.frames[frames[i]];
+        let size = Vec2::new(known.width as f32, known.height as f32);
+        let scale = (places[i].width() / size.x).min(places[i].height() / size.y);
+        let fitted = Rect::from_center_size(places[i].center(), size * scale);
+        match session.images.and_then(|images| images.image(frames[i])) {
+            Some(image) => {
+                let texture = textures.of_pair(ui.ctx(), i, &image);
+                ui.painter()
+                    .image(texture.id(), fitted, UV, Color32::from_gray(190));
+            }
+            None => {
+                ui.painter()
+                    .rect_filled(fitted, 2.0, ui.visuals().extreme_bg_color);
+            }
         }
-        None => {
-            ui.painter()
-                .rect_filled(fitted, 2.0, ui.visuals().extreme_bg_color);
-        }
-    }
-    fitted
+        fitted
+    })
 }
 
 /// Returns the colour of a reprojection error: green at 0, over yellow to red.

@@ -1,7 +1,7 @@
 use egui::{Button, DragValue, Grid, RichText, ScrollArea, Ui};
 use ostra_session::JobTask;
 
-use super::label_edit::listed;
+use super::label_edit::{ListedLabel, listed};
 use super::measure_settings::{add_angle_ui, angles_ui, ground_ui, unit_ui};
 use super::measure_table::{COLUMNS, Column, Table};
 use crate::dialogs::PathRequest;
@@ -90,8 +90,8 @@ fn settings_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
 
 fn table_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState, tree: &LabelTree) {
     let table = std::mem::take(&mut view.measures.table);
-    let mut rows: Vec<(Label, usize)> = listed(tree);
-    rows.retain(|(label, _)| table.find(label.id, "points").is_some());
+    let mut rows = listed(tree);
+    rows.retain(|row| table.find(row.label.id, "points").is_some());
     sort(&mut rows, &table, view.measures.sorted);
     ScrollArea::both()
         .auto_shrink([false, false])
@@ -101,7 +101,7 @@ fn table_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState, tree: 
                 .spacing([14.0, 4.0])
                 .show(ui, |ui| {
                     header_ui(ui, &mut view.measures.sorted);
-                    for (label, depth) in &rows {
+                    for ListedLabel { label, depth, .. } in &rows {
                         name_ui(ui, view, label, *depth);
                         let unit = view.measures.unit.unwrap_or(session.unit);
                         for column in &COLUMNS {
@@ -115,7 +115,7 @@ fn table_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState, tree: 
 }
 
 /// Sorts rows by the first value of a column; labels without a value come last.
-fn sort(rows: &mut [(Label, usize)], table: &Table, sorted: Option<(usize, bool)>) {
+fn sort(rows: &mut [ListedLabel], table: &Table, sorted: Option<(usize, bool)>) {
     let Some((column, largest_first)) = sorted else {
         return;
     };
@@ -125,7 +125,7 @@ fn sort(rows: &mut [(Label, usize)], table: &Table, sorted: Option<(usize, bool)
             .first()
             .map(|row| row.value)
     };
-    rows.sort_by(|(a, _), (b, _)| match (value(a), value(b)) {
+    rows.sort_by(|a, b| match (value(&a.label), value(&b.label)) {
         (Some(a), Some(b)) if largest_first => b.total_cmp(&a),
         (Some(a), Some(b)) => a.total_cmp(&b),
         (a, b) => b.is_some().cmp(&a.is_some()),

@@ -2,7 +2,7 @@ use egui::{DragValue, TextEdit, Ui};
 use ostra_project::{DeviceId, RegistrationId};
 use ostra_session::JobTask;
 
-use super::jobs::{progress_text, run_button_ui};
+use super::jobs::{RunButton, progress_text, run_button_ui};
 use super::track::engine_choice_ui;
 use crate::tooltips::{action_button, field};
 use crate::{Action, SessionView, ViewState};
@@ -74,14 +74,12 @@ pub(crate) fn reconstruct_ui(
     let more = egui::CollapsingHeader::new("Details").id_salt("details of reconstruct");
     more.show_unindented(ui, |ui| finding_ui(ui, session, view));
     ui.horizontal(|ui| {
-        run_button_ui(
-            ui,
-            session,
-            view,
-            (Action::Reconstruct, &JobTask::Reconstruct),
-            session.has_frames(),
-            actions,
-        );
+        let button = RunButton {
+            action: Action::Reconstruct,
+            task: &JobTask::Reconstruct,
+            is_enabled: session.has_frames(),
+        };
+        run_button_ui(ui, session, view, &button, actions);
         if let Some(job) = session.running(&JobTask::Reconstruct) {
             ui.weak(progress_text(job));
             return;

@@ -6,7 +6,19 @@ use glam::Vec3;
 use crate::{SessionView, Shown, ViewState};
 use ostra_cloud::LabelledCloud;
 use ostra_frames::Frame;
-use ostra_view::{Axes, Bounds, ImagePlane, Model, Orbit, Scene3d, SceneView, default_view};
+use ostra_view::{
+    Axes, Bounds, ImagePlane, Model, Orbit, Scene3d, SceneView, ViewCamera, default_view,
+};
+
+/// Part of the window that shows the scene.
+pub(super) struct SceneViewport {
+    /// Place in the window, in screen points.
+    pub rect: Rect,
+    /// Camera whose image fills the place.
+    pub camera: ViewCamera,
+    /// Distance of the view's target, in world units.
+    pub depth: f32,
+}
 
 /// Scene rendered on the window's GPU and shown as a texture.
 pub(super) struct SceneCanvas {
@@ -202,4 +214,17 @@ fn thinned(cloud: &LabelledCloud) -> LabelledCloud {
         labels: every_nth(cloud).map(|index| cloud.labels[index]).collect(),
         ..LabelledCloud::default()
     }
+}
+
+/// Shows a text in place of the scene.
+pub(super) fn message(ui: &Ui, rect: Rect, text: &str) {
+    let color = ui.visuals().weak_text_color();
+    let galley = ui.painter().layout(
+        text.into(),
+        egui::FontId::proportional(14.0),
+        color,
+        (rect.width() - 60.0).max(60.0),
+    );
+    ui.painter()
+        .galley(rect.center() - galley.size() / 2.0, galley, color);
 }

@@ -2,6 +2,7 @@ use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Stroke, Ui, Vec2}
 use glam::{DVec2, DVec3, Vec3};
 
 use super::scene_bar::coloring_text;
+use super::scene_content::SceneViewport;
 use crate::textures::Textures;
 use crate::{SessionView, ViewState};
 use ostra_cloud::measure::{Dimension, LengthUnit};
@@ -15,14 +16,19 @@ const AXIS: f32 = 26.0;
 
 /// Draws scale bar, axes and colour legend over the 3-D view.
 ///
-/// The scale bar is valid at `depth`, the distance of the view's target.
+/// The scale bar is valid at the distance of the view's target.
 pub(super) fn marks(
     ui: &Ui,
-    rect: Rect,
-    (view, unit): (&ViewState, LengthUnit),
-    (camera, depth): (&ViewCamera, f32),
+    viewport: &SceneViewport,
+    view: &ViewState,
+    unit: LengthUnit,
     range: Option<[f32; 2]>,
 ) {
+    let &SceneViewport {
+        rect,
+        ref camera,
+        depth,
+    } = viewport;
     let painter = ui.painter_at(rect);
     let ink = ink_on(view.prefs.scene.background.unwrap_or_else(|| {
         let fill = ui.visuals().extreme_bg_color;
@@ -33,7 +39,8 @@ pub(super) fn marks(
         scale_bar(
             &painter,
             rect.center_bottom() + Vec2::new(0.0, -22.0),
-            (points_per_unit, unit),
+            points_per_unit,
+            unit,
             ink,
         );
     }
@@ -49,7 +56,8 @@ pub(super) fn marks(
         legend(
             &painter,
             rect.left_bottom() + Vec2::new(12.0, -34.0),
-            (coloring_text(view.coloring), ends),
+            coloring_text(view.coloring),
+            ends,
             ink,
         );
     }
@@ -64,7 +72,8 @@ fn ink_on([r, g, b]: [u8; 3]) -> Color32 {
 fn scale_bar(
     painter: &Painter,
     middle: Pos2,
-    (points_per_unit, unit): (f32, LengthUnit),
+    points_per_unit: f32,
+    unit: LengthUnit,
     ink: Color32,
 ) {
     let Some(length) = round_length(BAR / points_per_unit) else {
@@ -160,7 +169,7 @@ fn legend_ends(
     })
 }
 
-fn legend(painter: &Painter, corner: Pos2, (title, ends): (&str, [String; 2]), ink: Color32) {
+fn legend(painter: &Painter, corner: Pos2, title: &str, ends: [String; 2], ink: Color32) {
     const STEPS: u32 = 32;
     let bar = Rect::from_min_size(corner, Vec2::new(120.0, 8.0));
     let mut mesh = Mesh::default();
@@ -200,10 +209,10 @@ const CELLS: usize = 24;
 
 /// Draws the image of the camera that the view looks through over the scene.
 ///
-/// The image is projected at `depth`, the distance of the view's target in world units.
+/// The image is projected at the distance of the view's target.
 pub(super) fn blend(
     ui: &Ui,
-    (rect, camera, depth): (Rect, &ViewCamera, f32),
+    viewport: &SceneViewport,
     session: &SessionView<'_>,
     view: &ViewState,
     textures: &mut Textures,
@@ -218,13 +227,19 @@ pub(super) fn blend(
     };
     let tint = Color32::WHITE.gamma_multiply(opacity);
     let mut mesh = Mesh::with_texture(textures.image(ui.ctx(), &image).id());
-    let project = |ray: DVec3| Some(to_screen(rect, camera, camera.project(ray.as_vec3())?.0));
-    if add_cells(&mut mesh, frame, f64::from(depth), project, tint) {
-        ui.painter_at(rect).add(mesh);
+    let project = |ray: DVec3| {
+        Some(to_screen(
+            viewport,
+            viewport.camera.project(ray.as_vec3())?.0,
+        ))
+    };
+    if add_cells(&mut mesh, frame, f64::from(viewport.depth), project, tint) {
+        ui.painter_at(viewport.rect).add(mesh);
     }
 }
 
-fn to_screen(rect: Rect, camera: &ViewCamera, px: glam::Vec2) -> egui::Pos2 {
+fn to_screen(viewport: &SceneViewport, px: glam::Vec2) -> egui::Pos2 {
+    let SceneViewport { rect, camera, .. } = viewport;
     let (width, height) = (camera.width.max(1) as f32, camera.height.max(1) as f32);
     rect.min + egui::vec2(px.x / width * rect.width(), px.y / height * rect.height())
 }

@@ -5,9 +5,11 @@ use glam::{Vec2, Vec3};
 
 use super::inspector::{InspectedPlace, inspector_ui};
 use super::scene_bar::scene_bar_ui;
-use super::scene_content::{Framed, SceneCanvas, bounds, every_nth, framing, image_planes, model};
+use super::scene_content::{
+    Framed, SceneCanvas, SceneViewport, bounds, every_nth, framing, image_planes, message, model,
+};
 use super::scene_overlay::{blend, marks};
-use super::scene_picks::{Purpose, SceneHover, ScenePicks};
+use super::scene_picks::{Purpose, SceneHover, ScenePicks, VisibleScene, view_px};
 use super::scene_select::{choose_by_hand, chosen_ui};
 use super::scene_tools::InspectedPoint;
 use crate::session_view::labels_of;
@@ -16,8 +18,8 @@ use crate::view_state::SceneAction;
 use crate::{Action, SessionView, ViewState};
 use ostra_frames::Frame;
 use ostra_view::{
-    Appearance, Axes, Bounds, Clip, Orbit, RenderRequest, Scene3d, SceneStyle, ViewCamera,
-    frustum_lines, link_lines, pick_frustum,
+    Appearance, Axes, Bounds, Clip, Orbit, PickRequest, RenderRequest, Scene3d, SceneStyle,
+    ViewCamera, frustum_lines, link_lines, pick_frustum,
 };
 
 /// 3-D view: camera, rendered texture, picking and inspection.
@@ -36,12 +38,6 @@ pub struct ScenePane {
 
 /// Speed of the turntable in radians per second.
 const TURNING: f32 = 0.5;
-
-/// Settings that decide which points are drawn and picked.
-struct VisibleScene {
-    appearance: Appearance,
-    clip: Clip,
-}
 
 impl ScenePane {
     /// Creates a view that draws on the window's GPU; without one it shows a message.
@@ -130,11 +126,15 @@ impl ScenePane {
             // The tool bar is already drawn and has to be updated.
             ui.ctx().request_repaint();
         }
-        let VisibleScene { appearance, clip } = self.seen(session, view);
-        self.hover
-            .ui(ui, &response, session, view, (&camera, &clip, &appearance));
+        let seen = self.seen(session, view, camera);
+        self.hover.ui(ui, &response, session, view, &seen);
         self.draw(ui, rect, session, view);
-        blend(ui, (rect, &camera, orbit.distance), session, view, textures);
+        let viewport = SceneViewport {
+            rect,
+            camera,
+            depth: orbit.distance,
+        };
+        blend(ui, &viewport, session, view, textures);
         if let Some(request) = view.screenshot_request.take() {
             let portrait = model(session, view).map(|model| {
                 let (style, rows) = (self.style(ui, session, view), camera.height);
@@ -142,14 +142,8 @@ impl ScenePane {
             });
             view.portrait = portrait.map(|portrait| (request, portrait));
         }
-        inspector_ui(
-            ui,
-            (rect, &camera),
-            &mut self.inspected_place,
-            session,
-            view,
-        );
-        chosen_ui(ui, rect, &camera, session, view, actions);
+        inspector_ui(ui, &viewport, &mut self.inspected_place, session, view);
+        chosen_ui(ui, &viewport, session, view, actions);
     }
 
     /// Frames the scene for a new cloud, for the first cameras, or on request.
@@ -212,13 +206,29 @@ impl ScenePane {
         }
     }
 
-    /// Returns the settings that decide which points are drawn and picked.
-    fn seen(&self, session: &SessionView<'_>, view: &ViewState) -> VisibleScene {
-        let axes = self
-            .framed
+    /// Returns what is visible with a camera.
+    fn seen(
+        &self,
+        session: &SessionView<'_>,
+        view: &ViewState,
+        camera: ViewCamera,
+    ) -> VisibleScene {
+        VisibleScene {
+            camera,
+            appearance: self.appearance(session, view),
+            clip: self.clip(session, view),
+        }
+    }
+
+    /// Returns the axes of the content that the view was framed for, or else of the cameras.
+    fn axes(&self, session: &SessionView<'_>) -> Axes {
+        self.framed
             .axes
-            .unwrap_or_else(|| Axes::of_cameras(&session.project.frames));
-        let appearance = Appearance {
+            .unwrap_or_else(|| Axes::of_cameras(&session.project.frames))
+    }
+
+    fn appearance(&self, session: &SessionView<'_>, view: &ViewState) -> Appearance {
+        Appearance {
             coloring: view.coloring,
             level: view.scene.level,
             hidden: view.hidden.clone(),
@@ -227,22 +237,22 @@ impl ScenePane {
             faint: view.prefs.scene.faint,
             tree: session.shown_tree(),
             votes: session.votes.cloned(),
-            up: axes.up,
-        };
-        let clip = self
-            .framed
-            .extent
-            .map_or_else(Clip::default, |extent| view.scene.clip.clip(&axes, &extent));
-        VisibleScene { appearance, clip }
+            up: self.axes(session).up,
+        }
+    }
+
+    fn clip(&self, session: &SessionView<'_>, view: &ViewState) -> Clip {
+        self.framed.extent.map_or_else(Clip::default, |extent| {
+            view.scene.clip.clip(&self.axes(session), &extent)
+        })
     }
 
     /// Returns the rendering style for this screen's scale.
     fn style(&self, ui: &Ui, session: &SessionView<'_>, view: &ViewState) -> SceneStyle {
-        let VisibleScene { appearance, clip } = self.seen(session, view);
         let (fill, scene) = (ui.visuals().extreme_bg_color, &view.prefs.scene);
         SceneStyle {
-            appearance,
-            clip,
+            appearance: self.appearance(session, view),
+            clip: self.clip(session, view),
             point_px: view.prefs.point_size * ui.pixels_per_point() * 0.5,
             background: scene.background.unwrap_or([fill.r(), fill.g(), fill.b()]),
             edl_strength: if scene.edl { scene.edl_strength } else { 0.0 },
@@ -278,11 +288,7 @@ impl ScenePane {
         let scale = ui.pixels_per_point();
         let delta = response.drag_delta() * scale;
         let delta = Vec2::new(delta.x, delta.y);
-        let in_view = |at: egui::Pos2| {
-            let at = (at - response.rect.min) * scale;
-            Vec2::new(at.x, at.y)
-        };
-        let seen = self.seen(session, view);
+        let seen = self.seen(session, view, *camera);
         let Some(orbit) = &mut self.orbit else { return };
         let choosing = view.scene_select.in_hand;
         let turning = if choosing {
@@ -298,14 +304,15 @@ impl ScenePane {
             orbit.pan(delta, camera.height as f32);
         }
         if choosing {
-            choose_by_hand(ui, response, view, camera, &seen.clip);
+            choose_by_hand(ui, response, view, &seen);
         } else if response.secondary_clicked() && view.ruler.in_hand {
             view.ruler.undo_click();
         } else if let Some(at) = response
             .interact_pointer_pos()
             .filter(|_| response.clicked())
         {
-            let frame = pick_frustum(&session.project.frames, camera, in_view(at), 14.0 * scale);
+            let at_px = view_px(ui, response, at);
+            let frame = pick_frustum(&session.project.frames, camera, at_px, 14.0 * scale);
             let (purpose, near_px) = if response.double_clicked() {
                 (Purpose::Recentre, 12.0)
             } else if ui.input(|i| i.modifiers.alt) {
@@ -317,31 +324,19 @@ impl ScenePane {
             };
             match frame.filter(|_| view.prefs.frusta && purpose == Purpose::Ask) {
                 Some(frame) => view.go_to(frame),
-                None => self.pick(
-                    ui,
-                    purpose,
-                    session,
-                    &seen,
-                    camera,
-                    (in_view(at), near_px * scale),
-                ),
+                None => {
+                    let request = seen.pick_near(at_px, near_px * scale);
+                    self.pick(ui, session, purpose, request);
+                }
             }
         }
-        self.zoom(ui, response, session, &seen, camera, in_view);
+        self.zoom(ui, response, session, &seen);
     }
 
     /// Starts picking a point.
     ///
     /// Picks for inspection and isolation use the labelled cloud, all others the points shown.
-    fn pick(
-        &mut self,
-        ui: &Ui,
-        purpose: Purpose,
-        session: &SessionView<'_>,
-        seen: &VisibleScene,
-        camera: &ViewCamera,
-        near: (Vec2, f32),
-    ) {
+    fn pick(&mut self, ui: &Ui, session: &SessionView<'_>, purpose: Purpose, request: PickRequest) {
         let labelled = session.cloud.filter(|_| session.preview_cloud.is_none());
         let cloud = if matches!(purpose, Purpose::Ask | Purpose::Isolate) {
             labelled
@@ -349,13 +344,7 @@ impl ScenePane {
             session.points()
         };
         if let Some(cloud) = cloud {
-            self.picks.begin(
-                ui,
-                purpose,
-                cloud,
-                near,
-                (camera, &seen.appearance, &seen.clip),
-            );
+            self.picks.begin(ui, purpose, cloud, request);
         }
     }
 
@@ -408,8 +397,6 @@ impl ScenePane {
         response: &Response,
         session: &SessionView<'_>,
         seen: &VisibleScene,
-        camera: &ViewCamera,
-        in_view: impl Fn(egui::Pos2) -> Vec2,
     ) {
         let Some(at) = response.hover_pos() else {
             return;
@@ -422,19 +409,13 @@ impl ScenePane {
         let Some(distance) = self.orbit.map(|orbit| orbit.distance) else {
             return;
         };
+        let at_px = view_px(ui, response, at);
         let known = self.zoom_anchor.filter(|&(of, ..)| of == at);
         let (_, anchor, found) =
-            known.unwrap_or_else(|| (at, camera.unproject(in_view(at), distance), false));
+            known.unwrap_or_else(|| (at, seen.camera.unproject(at_px, distance), false));
         self.zoom_anchor = Some((at, anchor, found));
         if !found {
-            self.pick(
-                ui,
-                Purpose::Zoom(at),
-                session,
-                seen,
-                camera,
-                (in_view(at), 30.0),
-            );
+            self.pick(ui, session, Purpose::Zoom(at), seen.pick_near(at_px, 30.0));
         }
         if let Some(orbit) = &mut self.orbit {
             orbit.zoom(factor, anchor);
@@ -479,24 +460,11 @@ impl ScenePane {
         ) {
             ui.ctx().request_repaint();
         }
-        marks(
-            ui,
+        let viewport = SceneViewport {
             rect,
-            (view, session.unit),
-            (&camera, orbit.distance),
-            canvas.range(),
-        );
+            camera,
+            depth: orbit.distance,
+        };
+        marks(ui, &viewport, view, session.unit, canvas.range());
     }
-}
-
-fn message(ui: &Ui, rect: Rect, text: &str) {
-    let color = ui.visuals().weak_text_color();
-    let galley = ui.painter().layout(
-        text.into(),
-        egui::FontId::proportional(14.0),
-        color,
-        (rect.width() - 60.0).max(60.0),
-    );
-    ui.painter()
-        .galley(rect.center() - galley.size() / 2.0, galley, color);
 }

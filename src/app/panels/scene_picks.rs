@@ -10,7 +10,33 @@ use crate::session_view::labels_of;
 use crate::{SessionView, ViewState};
 use ostra_cloud::LabelledCloud;
 use ostra_masks::LabelId;
-use ostra_view::{Appearance, Clip, Picking, ViewCamera};
+use ostra_view::{Appearance, Clip, PickRequest, Picking, ViewCamera};
+
+/// Camera of the view, and the settings that decide which points are drawn and picked.
+pub(super) struct VisibleScene {
+    pub camera: ViewCamera,
+    pub appearance: Appearance,
+    pub clip: Clip,
+}
+
+impl VisibleScene {
+    /// Returns the request for a point within `radius_px` of a pixel of the view.
+    pub fn pick_near(&self, at_px: Vec2, radius_px: f32) -> PickRequest {
+        PickRequest {
+            camera: self.camera,
+            appearance: self.appearance.clone(),
+            clip: self.clip,
+            at_px,
+            radius_px,
+        }
+    }
+}
+
+/// Returns the pixel of the view at a screen position.
+pub(super) fn view_px(ui: &Ui, response: &Response, at: Pos2) -> Vec2 {
+    let at = (at - response.rect.min) * ui.pixels_per_point();
+    Vec2::new(at.x, at.y)
+}
 
 /// Purpose of a pick.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,7 +85,7 @@ pub(super) struct ScenePicks {
 }
 
 impl ScenePicks {
-    /// Starts picking the point within `radius_px` of a pixel of the view.
+    /// Starts picking a point of the view.
     ///
     /// A wheel pick is ignored while another one runs.
     pub fn begin(
@@ -67,15 +93,14 @@ impl ScenePicks {
         ui: &Ui,
         purpose: Purpose,
         cloud: &Arc<LabelledCloud>,
-        near: (Vec2, f32),
-        (camera, appearance, clip): (&ViewCamera, &Appearance, &Clip),
+        request: PickRequest,
     ) {
         let is_wheel = matches!(purpose, Purpose::Zoom(_));
         if is_wheel && self.wheel.is_some() {
             return;
         }
-        let (waker, seen) = (ui.ctx().clone(), (appearance.clone(), *clip));
-        let picking = Picking::begin(Arc::clone(cloud), *camera, near, seen, move || {
+        let waker = ui.ctx().clone();
+        let picking = Picking::begin(Arc::clone(cloud), request, move || {
             waker.request_repaint();
         });
         let pick = Pick {
@@ -150,7 +175,7 @@ impl SceneHover {
         response: &Response,
         session: &SessionView<'_>,
         view: &ViewState,
-        (camera, clip, appearance): (&ViewCamera, &Clip, &Appearance),
+        seen: &VisibleScene,
     ) {
         let (Some(at), Some(cloud)) = (
             response.hover_pos(),
@@ -163,30 +188,24 @@ impl SceneHover {
         let Some(at) = HoverDwell::follow(&mut self.rest, ui, at) else {
             return;
         };
-        let (hidden, isolated, uncertain_below) = (
-            appearance.hidden.clone(),
-            appearance.isolated,
-            appearance.uncertain_below,
-        );
-        let cloud_then = Arc::downgrade(cloud);
         let place = PickQuery {
             at,
-            camera: *camera,
-            clip: *clip,
-            hidden,
-            isolated,
-            uncertain_below,
-            cloud: cloud_then,
+            camera: seen.camera,
+            clip: seen.clip,
+            hidden: seen.appearance.hidden.clone(),
+            isolated: seen.appearance.isolated,
+            uncertain_below: seen.appearance.uncertain_below,
+            cloud: Arc::downgrade(cloud),
         };
         match &self.found {
             Some((of, point)) if of.is(&place) => point
                 .iter()
                 .for_each(|&point| tell(response, session, cloud, point)),
             _ if self.looking.is_none() => {
-                let at = (at - response.rect.min) * ui.pixels_per_point();
-                let near = (Vec2::new(at.x, at.y), NEAR * ui.pixels_per_point());
-                let (waker, seen) = (ui.ctx().clone(), (appearance.clone(), *clip));
-                let picking = Picking::begin(Arc::clone(cloud), *camera, near, seen, move || {
+                let at_px = view_px(ui, response, at);
+                let request = seen.pick_near(at_px, NEAR * ui.pixels_per_point());
+                let waker = ui.ctx().clone();
+                let picking = Picking::begin(Arc::clone(cloud), request, move || {
                     waker.request_repaint();
                 });
                 self.looking = Some((place, picking));

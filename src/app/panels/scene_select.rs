@@ -3,6 +3,8 @@ use egui::{
 };
 use glam::{DVec2, Vec3};
 
+use super::scene_content::SceneViewport;
+use super::scene_picks::VisibleScene;
 use super::scene_tools::{SceneSelect, SelectShape};
 use crate::pointer::pointer_path;
 use crate::tooltips::action_button;
@@ -10,7 +12,6 @@ use crate::{Action, SessionView, ViewState};
 use ostra_cloud::select::{SeenRegion, SelectStep, Selection};
 use ostra_masks::LabelId;
 use ostra_project::ResultKind;
-use ostra_view::{Clip, ViewCamera};
 
 const COLOR: Color32 = Color32::from_rgb(255, 80, 205);
 /// Maximum number of marked points. Of more, an even sample is marked.
@@ -25,18 +26,18 @@ const SHAPES: [(SelectShape, &str, &str); 3] = [
 /// Draws the outline and selected points over the 3-D view, and the selection panel.
 pub(super) fn chosen_ui(
     ui: &Ui,
-    rect: Rect,
-    camera: &ViewCamera,
+    viewport: &SceneViewport,
     session: &SessionView<'_>,
     view: &mut ViewState,
     actions: &mut Vec<Action>,
 ) {
+    let rect = viewport.rect;
     let chosen = session
         .chosen
         .filter(|_| !view.scene_select.steps.is_empty())
         .and_then(Result::ok);
     if let (Some(chosen), Some(cloud)) = (chosen, session.cloud) {
-        mark(ui, rect, camera, &cloud.positions, chosen);
+        mark(ui, viewport, &cloud.positions, chosen);
     }
     draw_outline(ui, rect, &view.scene_select);
     if !view.scene_select.in_hand {
@@ -59,7 +60,8 @@ pub(super) fn chosen_ui(
 }
 
 /// Marks the selected points, including hidden ones behind others.
-fn mark(ui: &Ui, rect: Rect, camera: &ViewCamera, positions: &[Vec3], chosen: &Selection) {
+fn mark(ui: &Ui, viewport: &SceneViewport, positions: &[Vec3], chosen: &Selection) {
+    let SceneViewport { rect, camera, .. } = viewport;
     let scale = ui.pixels_per_point();
     let mut mesh = Mesh::default();
     for &point in chosen
@@ -78,7 +80,7 @@ fn mark(ui: &Ui, rect: Rect, camera: &ViewCamera, positions: &[Vec3], chosen: &S
             mesh.add_colored_rect(Rect::from_center_size(at, Vec2::splat(2.0)), COLOR);
         }
     }
-    ui.painter().with_clip_rect(rect).add(Shape::mesh(mesh));
+    ui.painter().with_clip_rect(*rect).add(Shape::mesh(mesh));
 }
 
 fn draw_outline(ui: &Ui, rect: Rect, select: &SceneSelect) {
@@ -254,15 +256,14 @@ pub(super) fn choose_by_hand(
     ui: &Ui,
     response: &Response,
     view: &mut ViewState,
-    camera: &ViewCamera,
-    clip: &Clip,
+    seen: &VisibleScene,
 ) {
     if !follow(ui, response, &mut view.scene_select.drawn) {
         return;
     }
     let (scale, modifiers) = (ui.pixels_per_point(), ui.input(|input| input.modifiers));
     let remove = modifiers.alt || modifiers.command || modifiers.ctrl;
-    let region = region(view, response.rect, scale, (camera, clip), remove);
+    let region = region(view, response.rect, scale, seen, remove);
     let select = &mut view.scene_select;
     if !remove && !modifiers.shift {
         select.steps.clear();
@@ -303,7 +304,7 @@ fn region(
     view: &ViewState,
     rect: Rect,
     scale: f32,
-    (camera, clip): (&ViewCamera, &Clip),
+    seen: &VisibleScene,
     remove: bool,
 ) -> SeenRegion {
     let select = &view.scene_select;
@@ -322,10 +323,10 @@ fn region(
     let (isolated, uncertain_below, cube_from_world) = (
         scene.isolated,
         scene.uncertain_below,
-        clip.cube_from_world(),
+        seen.clip.cube_from_world(),
     );
     SeenRegion {
-        eye: camera.eye(),
+        eye: seen.camera.eye(),
         points_px,
         radius_px,
         remove,

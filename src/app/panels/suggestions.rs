@@ -5,6 +5,7 @@ use super::labels::add_label;
 use crate::canvas::id_at;
 use crate::menu::is_possible;
 use crate::panel_state::MIN_SHOWN_SCORE;
+use crate::shell::Requests;
 use crate::tooltips::action_button;
 use crate::{Action, SessionView, ViewState};
 use ostra_masks::LabelId;
@@ -121,8 +122,7 @@ pub(crate) fn suggestions_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &mut ViewState,
-    out: &mut Vec<Command>,
-    actions: &mut Vec<Action>,
+    requests: &mut Requests,
 ) {
     let is_running = [JobTask::Suggest, JobTask::Propose]
         .iter()
@@ -134,7 +134,7 @@ pub(crate) fn suggestions_ui(
         ] {
             let possible = !is_running && is_possible(action, session, view);
             if action_button(ui, &view.prefs.shortcuts, action, text, possible).clicked() {
-                actions.push(action);
+                requests.actions.push(action);
             }
         }
         if is_running {
@@ -163,8 +163,9 @@ pub(crate) fn suggestions_ui(
                 .clicked()
             {
                 let id = session.project.labels.next_id();
-                add_label(session, view, out);
-                out.push(Command::Prompt(suggestion.prompt(id, view.segmenter)));
+                add_label(session, view, &mut requests.commands);
+                let prompt = suggestion.prompt(id, view.segmenter);
+                requests.commands.push(Command::Prompt(prompt));
                 view.go_to(suggestion.frame);
             }
         });

@@ -3,7 +3,7 @@ use std::ops::Range;
 use egui::{Color32, Pos2, Rect, Response, Role, ScrollArea, Sense, Stroke, Ui, Vec2, WidgetInfo};
 
 use super::heat::{Columns, heat, mark};
-use super::label_edit::listed;
+use super::label_edit::{ListedLabel, listed};
 use crate::menu::is_possible;
 use crate::tooltips::action_button;
 use crate::{Action, SessionView, ViewState};
@@ -56,8 +56,12 @@ pub(crate) fn timeline_ui(
         .auto_shrink([false, false])
         .show(ui, |ui| {
             ui.spacing_mut().item_spacing.y = 1.0;
-            for (label, depth) in &rows {
-                row_ui(ui, session, view, actions, (label, *depth), frames.clone());
+            for label in rows {
+                let row = TimelineRow {
+                    label,
+                    frames: frames.clone(),
+                };
+                row_ui(ui, session, view, actions, row);
             }
         });
 }
@@ -109,14 +113,21 @@ fn frames_in_sight(ui: &Ui, session: &SessionView<'_>, view: &ViewState) -> Rang
     first..(first + fit).min(count)
 }
 
+/// Label of a row and the frames that it shows.
+struct TimelineRow {
+    label: ListedLabel,
+    frames: Range<usize>,
+}
+
 fn row_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &mut ViewState,
     actions: &mut Vec<Action>,
-    (label, depth): (&Label, usize),
-    frames: Range<usize>,
+    row: TimelineRow,
 ) {
+    let TimelineRow { label, frames } = row;
+    let ListedLabel { label, depth, .. } = &label;
     let (rect, response) = ui.allocate_exact_size(
         Vec2::new(ui.available_width(), ROW),
         Sense::click_and_drag(),
@@ -138,7 +149,7 @@ fn row_ui(
         rect: cells,
         frames,
     };
-    name(ui, names, label, depth, chosen);
+    name(ui, names, label, *depth, chosen);
     ui.painter()
         .rect_filled(cells, 2.0, ui.visuals().extreme_bg_color);
     cells_of(ui, session, view, label, &columns);

@@ -1,7 +1,7 @@
 use egui::{Checkbox, DragValue, Ui};
 use ostra_session::JobTask;
 
-use super::jobs::{progress_text, run_button_ui};
+use super::jobs::{RunButton, progress_text, run_button_ui};
 use crate::menu::is_possible;
 use crate::tooltips::{action_button, field};
 use crate::{Action, SessionView, ViewState};
@@ -42,14 +42,12 @@ pub(crate) fn track_ui(
         .filter(|mask| mask.origin == MaskOrigin::Keyframe)
         .count();
     ui.horizontal(|ui| {
-        run_button_ui(
-            ui,
-            session,
-            view,
-            (Action::Track, &JobTask::Track),
-            keyframes > 0,
-            actions,
-        );
+        let button = RunButton {
+            action: Action::Track,
+            task: &JobTask::Track,
+            is_enabled: keyframes > 0,
+        };
+        run_button_ui(ui, session, view, &button, actions);
         if let Some(job) = session.running(&JobTask::Track) {
             ui.weak(progress_text(job));
             return;

@@ -1,5 +1,6 @@
 use egui::{Button, RichText, Ui};
 
+use crate::shell::Requests;
 use crate::{Action, SessionView, ViewState};
 use ostra_session::Command;
 
@@ -21,8 +22,7 @@ pub(crate) fn welcome_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &ViewState,
-    out: &mut Vec<Command>,
-    actions: &mut Vec<Action>,
+    requests: &mut Requests,
 ) {
     let height = 330.0 + 24.0 * session.recent.len().min(8) as f32;
     ui.vertical_centered(|ui| {
@@ -37,10 +37,10 @@ pub(crate) fn welcome_ui(
         ui.add_space(22.0);
         ui.with_layout(egui::Layout::top_down(egui::Align::Min), steps_ui);
         ui.add_space(22.0);
-        buttons_ui(ui, view, actions);
+        buttons_ui(ui, view, &mut requests.actions);
         ui.add_space(22.0);
         ui.with_layout(egui::Layout::top_down(egui::Align::Min), |ui| {
-            recent_ui(ui, session, out);
+            recent_ui(ui, session, &mut requests.commands);
         });
     });
 }
