@@ -28,7 +28,7 @@ pub(super) fn perform(
     if let Some(dialog) = dialog_of(action, session, view) {
         view.dialog = Some(dialog);
         view.relocate = RelocateForm::of(&session.project.frames);
-        view.path_text.clear();
+        view.clear_path();
         return;
     }
     if let Some(frame) = destination(action, session, view) {

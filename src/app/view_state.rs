@@ -84,8 +84,10 @@ pub struct ViewState {
     pub picker: PathPicker,
     /// Path typed in a dialog with a single path field.
     pub path_text: String,
+    /// File of that dialog for which the file chooser asked before replacing an existing one.
+    pub confirmed_path: Option<PathBuf>,
     /// File to write the history to as a recipe.
-    pub recipe_to: Option<PathBuf>,
+    pub recipe_to: Option<RecipeTarget>,
     /// State of the shortcut sheet.
     pub sheet: SheetState,
     /// Text and minimum score of the search by text.
@@ -169,6 +171,15 @@ pub enum SceneAction {
     LookFrom(Side),
 }
 
+/// File to write the history to as a recipe.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RecipeTarget {
+    /// File to write.
+    pub path: PathBuf,
+    /// Whether the user agreed to replace an earlier export that was changed since.
+    pub may_replace: bool,
+}
+
 /// Dialogs of the window. At most one is open.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Dialog {
@@ -242,6 +253,7 @@ impl ViewState {
             mask_format: MaskFormat::default(),
             picker: PathPicker::default(),
             path_text: String::new(),
+            confirmed_path: None,
             recipe_to: None,
             sheet: SheetState::default(),
             text_prompt: TextPrompt::default(),
@@ -342,6 +354,12 @@ impl ViewState {
     #[must_use]
     pub fn frames_meant(&self) -> (usize, usize) {
         self.range.unwrap_or((self.frame, self.frame))
+    }
+
+    /// Empties the field of a dialog with a single path field.
+    pub(crate) fn clear_path(&mut self) {
+        self.path_text.clear();
+        self.confirmed_path = None;
     }
 
     /// Shows another frame. A drawing in progress on the old frame is dropped.

@@ -7,6 +7,7 @@ use egui::{Context, ViewportBuilder, ViewportCommand};
 
 use super::dialogs::{NewProjectForm, ScreenshotRequest, Take};
 use super::theme::set_theme;
+use super::view_state::RecipeTarget;
 use super::{Dialog, Layers, Prefs, SessionView, Severity, Shell, layers_of};
 use ostra_compute::nn::{Provider, Row};
 use ostra_core::disk;
@@ -181,8 +182,8 @@ impl Window {
             .prepare(self.shell.view.frame, self.shell.view.segmenter);
         self.session.hover(self.shell.view.hover_request.clone());
         self.session.select(&self.shell.view.scene_select.steps);
-        if let Some(path) = self.shell.view.recipe_to.take() {
-            self.save_recipe(&path);
+        if let Some(target) = self.shell.view.recipe_to.take() {
+            self.save_recipe(&target);
         }
         if let Some((request, portrait)) = self.shell.view.portrait.take() {
             self.render(&request, portrait);
@@ -221,7 +222,10 @@ impl Window {
                 self.shell.project_changed();
                 self.recent.opened(&path);
             }
-            Event::Inspecting(_) | Event::Closed => self.shell.project_changed(),
+            Event::Inspecting(_) | Event::Closed => {
+                self.estimate_due = true;
+                self.shell.project_changed();
+            }
             Event::Failed { error, .. } => self.fail(error),
             Event::Warning(text) => self.shell.view.notices.tell(Severity::Warning, text),
             Event::Notice(text) => self.shell.view.note = text,
@@ -335,14 +339,14 @@ impl Window {
         }
     }
 
-    fn save_recipe(&mut self, path: &Path) {
-        // The dialog that returned the path already asked before replacing an existing file.
-        let allowed = self.session.check_export(path, true);
+    fn save_recipe(&mut self, target: &RecipeTarget) {
+        let path = &target.path;
+        let allowed = self.session.check_export(path, target.may_replace);
         let written = allowed
             .and_then(|()| Ok(serde_json::to_string_pretty(self.session.recipe())?))
             .and_then(|text| {
                 let write = || Ok(disk::write(path, text.as_bytes())?);
-                ExportTargets::write_files(&[path.to_owned()], write)
+                ExportTargets::write_files(std::slice::from_ref(path), write)
             });
         match written {
             Ok(()) => self.shell.view.note = format!("Recipe saved to {}", path.display()),
@@ -396,3 +400,6 @@ impl eframe::App for Window {
         eframe::set_value(storage, PREFS, &self.shell.view.prefs);
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -64,6 +64,17 @@ impl SceneView {
         }
     }
 
+    /// Forgets the model and its image.
+    ///
+    /// Until the next model is drawn, the view is empty instead of showing the old image.
+    pub fn clear(&mut self) {
+        self.content = Content::empty();
+        self.scene = None;
+        self.target = None;
+        self.last_draw = None;
+        self.is_stale = true;
+    }
+
     /// Draws the next batch and returns whether the image is complete.
     ///
     /// Call it again in the next frame while it returns false.

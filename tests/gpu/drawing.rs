@@ -412,7 +412,28 @@ fn image_planes_are_oriented_correctly_and_hidden_by_nearer_points() {
     );
 }
 
+fn cleared_view_shows_nothing_of_the_previous_model() {
+    let (mut view, style) = (View::new(), by_label());
+    view.set_model(Model::Cloud(Arc::new(sphere(2_000))));
+    let bounds = Bounds {
+        min: Vec3::NEG_ONE,
+        max: Vec3::ONE,
+    };
+    let camera = Orbit::framing(&bounds, Vec3::Z, Vec3::NEG_Y).camera(256, 192);
+    drawn(&mut view, &scene(camera, &style));
+    view.scene_view.clear();
+    assert!(view.scene_view.texture().is_none());
+
+    let (surface, mut fresh) = (Arc::new(waves(12)), View::new());
+    view.set_model(Model::Surface(Arc::clone(&surface)));
+    fresh.set_model(Model::Surface(surface));
+    let [(after, _), (alone, _)] =
+        [&mut view, &mut fresh].map(|view| drawn(view, &scene(camera, &style)));
+    assert_eq!(different(&after, &alone), 0);
+}
+
 crate::tests! {
+    cleared_view_shows_nothing_of_the_previous_model,
     surface_equals_its_cpu_twin_and_contains_its_wires,
     progressive_image_ends_equal_to_its_cpu_twin,
     lighting_clipping_projection_and_opacity_are_equal_on_gpu_and_cpu,

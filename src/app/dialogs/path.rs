@@ -6,6 +6,7 @@ use super::export_form::{mask_format_name, mask_format_ui};
 use super::picker::{PathField, PathRequest, Pick, PickTarget, path_field_ui, typed_path};
 use crate::ViewState;
 use crate::tooltips::{field, modal};
+use crate::view_state::RecipeTarget;
 use ostra_project::ExportRequest;
 use ostra_session::{Command, MeasureSettings};
 
@@ -66,12 +67,18 @@ pub(crate) fn path_ui(ui: &Ui, view: &mut ViewState, request: PathRequest, out: 
                 out.push(Command::ImportMasks { dir: path, format });
             }
             PathRequest::SaveTraits => out.push(Command::Export(traits_request(view, path))),
-            PathRequest::SaveRecipe => view.recipe_to = Some(path),
+            PathRequest::SaveRecipe => view.recipe_to = Some(recipe_target(view, path)),
         }
     }
     if done || response.should_close() {
         view.dialog = None;
     }
+}
+
+/// Returns the target of a recipe, which may replace a file only if the file chooser asked before.
+fn recipe_target(view: &ViewState, path: PathBuf) -> RecipeTarget {
+    let may_replace = view.confirmed_path.as_ref() == Some(&path);
+    RecipeTarget { path, may_replace }
 }
 
 fn traits_request(view: &ViewState, path: PathBuf) -> ExportRequest {
@@ -195,9 +202,12 @@ pub(crate) fn relocate_ui(ui: &Ui, view: &mut ViewState, out: &mut Vec<Command>)
 
 /// Writes a path from the file chooser into the field that it was opened for.
 pub(crate) fn take_picked(ctx: &Context, view: &mut ViewState) {
-    let Some((target, path)) = view.picker.poll(ctx) else {
-        return;
-    };
+    if let Some((target, path)) = view.picker.poll(ctx) {
+        put_picked(view, target, path);
+    }
+}
+
+fn put_picked(view: &mut ViewState, target: PickTarget, path: PathBuf) {
     let text = path.display().to_string();
     match target {
         PickTarget::Frames(index) => view.new_project.set_frames(index, text),
@@ -211,6 +221,45 @@ pub(crate) fn take_picked(ctx: &Context, view: &mut ViewState) {
         PickTarget::MovedTo => view.relocate.to = text,
         PickTarget::Network => view.models.path = text,
         PickTarget::Image => view.image.path = text,
-        PickTarget::Path(_) => view.path_text = text,
+        PickTarget::Path(request) => {
+            view.path_text = text;
+            view.confirmed_path = (texts(request).pick == Pick::Save).then_some(path);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Prefs;
+
+    #[test]
+    fn only_the_path_from_the_file_chooser_may_be_replaced() {
+        let mut view = ViewState::new(Prefs::default());
+        let (chosen, typed) = (
+            PathBuf::from("/a/chosen.json"),
+            PathBuf::from("/a/typed.json"),
+        );
+        let may_replace =
+            |view: &ViewState, path: &PathBuf| recipe_target(view, path.clone()).may_replace;
+        view.path_text = "/a/typed.json".into();
+        assert!(!may_replace(&view, &typed));
+        put_picked(
+            &mut view,
+            PickTarget::Path(PathRequest::SaveRecipe),
+            chosen.clone(),
+        );
+        assert!(may_replace(&view, &chosen) && !may_replace(&view, &typed));
+        view.clear_path();
+        assert!(!may_replace(&view, &chosen), "the dialog was opened again");
+        put_picked(
+            &mut view,
+            PickTarget::Path(PathRequest::OpenProject),
+            chosen.clone(),
+        );
+        assert!(
+            !may_replace(&view, &chosen),
+            "choosing a folder asks nothing"
+        );
     }
 }

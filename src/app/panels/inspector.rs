@@ -147,7 +147,7 @@ pub(super) fn label_ui(ui: &mut Ui, tree: &LabelTree, label: LabelId) {
 /// Position of the point inspector's window.
 ///
 /// It stays where it is unless it would cover a newly inspected point.
-#[derive(Default)]
+#[derive(Debug, PartialEq, Default)]
 pub(super) struct InspectedPlace {
     is_right: bool,
     is_low: bool,
@@ -194,7 +194,7 @@ impl InspectedPlace {
     }
 
     /// Chooses a corner away from a new point or in a changed view; returns `true` if it chose one.
-    fn turn_away(
+    pub(super) fn turn_away(
         &mut self,
         rect: Rect,
         now: Option<Rect>,

@@ -82,7 +82,7 @@ fn settings_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
             .on_hover_text("Save these traits, including those of every part")
             .clicked()
         {
-            view.path_text.clear();
+            view.clear_path();
             view.dialog = Some(Dialog::Path(PathRequest::SaveTraits));
         }
     });

@@ -39,6 +39,15 @@ impl SceneCanvas {
         }
     }
 
+    /// Forgets the scene and its image.
+    pub fn clear(&mut self) {
+        self.view.clear();
+        // The texture that egui knows shows the old image until it is replaced.
+        if let Some((_, size)) = &mut self.texture {
+            *size = [0; 2];
+        }
+    }
+
     /// Renders the next part of the scene and shows the result so far.
     ///
     /// The work per call is bounded. Returns `true` if the image is complete.

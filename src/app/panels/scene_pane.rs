@@ -57,10 +57,12 @@ impl ScenePane {
 
     /// Resets the view for another project.
     pub fn clear(&mut self) {
-        self.orbit = None;
-        self.framed = Framed::default();
-        self.picks = ScenePicks::default();
-        self.zoom_anchor = None;
+        let mut canvas = self.canvas.take();
+        canvas.iter_mut().for_each(SceneCanvas::clear);
+        *self = Self {
+            canvas,
+            ..Self::new(None)
+        };
     }
 
     /// Multiplies scene lengths by `factor`, so that the view stays the same.
@@ -466,5 +468,26 @@ impl ScenePane {
             depth: orbit.distance,
         };
         marks(ui, &viewport, view, session.unit, canvas.range());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_of_the_previous_project_remains() {
+        let (mut pane, rect) = (
+            ScenePane::new(None),
+            Rect::from_x_y_ranges(0.0..=9.0, 0.0..=9.0),
+        );
+        let (min, max) = (Vec3::ZERO, Vec3::ONE);
+        pane.through = Some(Orbit::framing(&Bounds { min, max }, Vec3::Z, Vec3::NEG_Y));
+        pane.orbit = pane.through;
+        let at = Some(rect.left_top());
+        assert!(pane.inspected_place.turn_away(rect, None, Vec3::X, at));
+        pane.clear();
+        assert_eq!((pane.orbit, pane.through), (None, None));
+        assert_eq!(pane.inspected_place, InspectedPlace::default());
     }
 }

@@ -1,0 +1,46 @@
+use std::fs;
+
+use super::*;
+
+fn window() -> Window {
+    let shell = Shell::new(Prefs::default(), None);
+    Window::with(shell, Recent::default(), &Context::default())
+}
+
+fn target(path: &Path, may_replace: bool) -> RecipeTarget {
+    RecipeTarget {
+        path: path.to_owned(),
+        may_replace,
+    }
+}
+
+#[test]
+fn recipe_replaces_a_changed_file_only_if_the_user_agreed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("recipe.json");
+    let mut window = window();
+    window.save_recipe(&target(&path, false));
+    let recipe = fs::read_to_string(&path).unwrap();
+    window.save_recipe(&target(&path, false));
+    assert!(window.shell.view.notices.shown().is_empty(), "unchanged");
+
+    fs::write(&path, "notes of the user").unwrap();
+    window.save_recipe(&target(&path, false));
+    assert_eq!(fs::read_to_string(&path).unwrap(), "notes of the user");
+    assert!(!window.shell.view.notices.shown().is_empty());
+
+    window.save_recipe(&target(&path, true));
+    assert_eq!(fs::read_to_string(&path).unwrap(), recipe);
+}
+
+#[test]
+fn estimate_of_a_closed_project_is_dropped() {
+    let mut window = window();
+    window.estimate = Some(Estimate {
+        accuracy: 0.9,
+        frames: 12,
+    });
+    window.take(Event::Closed);
+    window.update_estimate();
+    assert_eq!(window.estimate, None);
+}
