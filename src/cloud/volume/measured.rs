@@ -89,12 +89,7 @@ impl Measured {
         wanted: impl Fn(usize) -> bool + Sync,
         mut pixels: Vec<Pixel>,
     ) -> Self {
-        let DepthFrame {
-            camera,
-            pose,
-            depth,
-            image,
-        } = *frame;
+        let (camera, pose) = (frame.camera, frame.pose);
         let straight = straightened(camera);
         let (width, height) = (camera.width as usize, camera.height as usize);
         let (focal, principal) = (straight.focal_px.as_vec2(), straight.principal_px.as_vec2());
@@ -102,7 +97,7 @@ impl Measured {
         let source = |at: usize| sources.as_ref().map_or(Some(at), |sources| sources[at]);
         let inverse: Vec<f32> = (0..width * height)
             .into_par_iter()
-            .map(|at| source(at).map_or(0.0, |from| depth.depths[from]))
+            .map(|at| source(at).map_or(0.0, |from| frame.depth.depths[from]))
             .map(|depth| {
                 if depth > 0.0 && depth.is_finite() {
                     1.0 / depth
@@ -135,7 +130,7 @@ impl Measured {
                 .powi(2)
                 * certainty;
             let (depth, slant) = (1.0 / inverse[at], slant.clamp(FLATTEST, 1.0));
-            let (sight, color) = ((weight * 255.0) as u8, image.pixels[from]);
+            let (sight, color) = ((weight * 255.0) as u8, frame.image.pixels[from]);
             Pixel {
                 depth,
                 slant,

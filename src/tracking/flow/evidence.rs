@@ -44,16 +44,7 @@ pub(super) fn evidence(
     let (width, height) = (change.next.width, change.next.height);
     let reach = options.reach * object.area().sqrt() + 4.0;
     let Some(window) = window_of(&prediction.expected, reach) else {
-        return Evidence {
-            window: Window {
-                left: 0,
-                top: 0,
-                right: 0,
-                bottom: 0,
-            },
-            odds: Vec::new(),
-            motion: Vec::new(),
-        };
+        return no_evidence();
     };
     let distances = distances(&prediction.expected, window);
     let fade = object.area().sqrt() / 10.0 + 2.0;
@@ -115,6 +106,20 @@ pub(super) fn evidence(
         window,
         odds,
         motion,
+    }
+}
+
+/// Returns the evidence for an object that is expected nowhere.
+fn no_evidence() -> Evidence {
+    Evidence {
+        window: Window {
+            left: 0,
+            top: 0,
+            right: 0,
+            bottom: 0,
+        },
+        odds: Vec::new(),
+        motion: Vec::new(),
     }
 }
 

@@ -30,8 +30,8 @@ impl Sequence {
     /// Opens frames and the folder of their ground truth masks; also returns warnings.
     ///
     /// Frames are a folder, a video, or a project, whose frames have depth and cameras. Masks are
-    /// matched by name as in [`import_masks`]. Frames whose image or depth cannot be read are left
-    /// out.
+    /// matched by name as in [`MaskFormat::import_masks`]. Frames whose image or depth cannot be
+    /// read are left out.
     ///
     /// # Errors
     /// Returns an error if no frame or no mask can be read, or if no mask belongs to a frame.
