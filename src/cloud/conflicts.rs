@@ -180,7 +180,8 @@ pub struct MaskedFrame<'a> {
 ///
 /// If the frame has depth, each pixel takes the label of the point at its 3-D position; otherwise
 /// it takes that of the nearest pixel that sees a point. Pixels that see no point keep their label
-/// in the frame's mask. If `only` is not empty, only pixels that have or receive one of these labels change.
+/// in the frame's mask. If `only` is not empty, only pixels that have or receive one of these
+/// labels change.
 ///
 /// # Errors
 ///

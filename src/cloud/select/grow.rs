@@ -39,9 +39,9 @@ impl Default for Likeness {
 impl Selector {
     /// Adds the points that can be reached from `inside` over similar neighbours.
     ///
-    /// Normals are compared between neighbours, so they may turn gradually (Rabbani, van den Heuvel,
-    /// Vosselman, Segmentation of point clouds using smoothness constraint, ISPRS 2006). Colours are
-    /// compared with the starting point.
+    /// Normals are compared between neighbours, so they may turn gradually (Rabbani, van den
+    /// Heuvel, Vosselman, Segmentation of point clouds using smoothness constraint, ISPRS 2006).
+    /// Colours are compared with the starting point.
     pub(super) fn grow(
         &self,
         likeness: &Likeness,

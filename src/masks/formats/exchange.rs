@@ -47,15 +47,16 @@ impl MaskFormat {
             Self::Yolo => "yolo",
         }
     }
+
     /// Reads masks from a folder; for COCO, `dir` may also be the file itself.
     ///
-    /// Files are matched to frames by name without extension: by the full path, then by the file name
-    /// alone. Damaged files or entries, and those whose size differs from their frame, are skipped and
-    /// named in the warnings.
+    /// Files are matched to frames by name without extension: by the full path, then by the file
+    /// name alone. Damaged files or entries, and those whose size differs from their frame, are
+    /// skipped and named in the warnings.
     ///
     /// # Errors
-    /// [`MaskError::Io`]; [`MaskError::Invalid`] when no file can be used, nothing matches a frame, or
-    /// the mask values are not label ids; [`MaskError::Stopped`].
+    /// [`MaskError::Io`]; [`MaskError::Invalid`] when no file can be used, nothing matches a frame,
+    /// or the mask values are not label ids; [`MaskError::Stopped`].
     pub fn import_masks(
         self,
         dir: &Path,
@@ -74,12 +75,12 @@ impl MaskFormat {
 
     /// Writes masks (frame number, mask) to a folder, creating it if needed.
     ///
-    /// Each file is written atomically. Pixels keep their own, deepest label; use [`RunMask::at_level`]
-    /// for coarser ones.
+    /// Each file is written atomically. Pixels keep their own, deepest label; use
+    /// [`RunMask::at_level`] for coarser ones.
     ///
     /// # Errors
-    /// [`MaskError::Io`] when the folder cannot be written; [`MaskError::Request`] when a mask does not
-    /// fit its frame or a frame name is not a valid file name; [`MaskError::Stopped`].
+    /// [`MaskError::Io`] when the folder cannot be written; [`MaskError::Request`] when a mask does
+    /// not fit its frame or a frame name is not a valid file name; [`MaskError::Stopped`].
     pub fn export_masks<M: Borrow<RunMask>>(
         self,
         dir: &Path,

@@ -164,8 +164,8 @@ impl PatchSearch<'_> {
     /// Visits the patches in order and refines each displacement.
     ///
     /// Each patch starts from the best of its own displacement and those of the two neighbours just
-    /// visited. These lie one patch to the left and above (`towards` = −1), or to the right and below
-    /// (`towards` = 1).
+    /// visited. These lie one patch to the left and above (`towards` = −1), or to the right and
+    /// below (`towards` = 1).
     fn sweep(&self, found: &mut [Vec2], order: impl Iterator<Item = usize>, towards: isize) {
         let Self {
             patches,
