@@ -46,10 +46,7 @@ fn add_car(assembly: &mut Assembly, class: LabelId, wheel: LabelId, dice: &mut D
         dice.range(-0.01, 0.01),
         CLEARANCE_M,
     );
-    let IVec2 {
-        x: across,
-        y: along,
-    } = CAR_STUDS;
+    let [across, along] = CAR_STUDS.to_array();
     let mut toy = Toy::new(place, turn, CAR_STUDS);
     let instance = assembly.label("car 1", Some(class));
     let cabin_end = along - BONNET_STUDS;

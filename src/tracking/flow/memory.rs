@@ -44,8 +44,7 @@ impl FeatureMap {
 
     /// Creates a map from planes of shape `[DIM, rows, columns]`.
     ///
-    /// `plane_size` counts the values of a plane, of which the first columns and rows cover the image
-    /// of `size`.
+    /// `plane_size` is that of a plane, whose first columns and rows cover the image of `size`.
     #[must_use]
     pub fn of_planes(
         planes: &[f32],
