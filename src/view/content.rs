@@ -1,9 +1,9 @@
 use std::sync::Arc;
 
-use super::arrangement::{Arranged, Arranging, Arrival};
 use super::paint::Paint;
 use super::pipelines::Pipelines;
 use super::point_blocks::PointBlocks;
+use super::point_lod::{Arranged, Arrival, LodBuild};
 use super::surface_chunks::SurfaceChunks;
 use super::target::Gpu;
 use super::{Appearance, ImagePlane, Line, SceneStyle, ViewCamera};
@@ -57,7 +57,7 @@ enum Kind {
         /// A sample of the points, later all of them; `None` until the sample is arranged.
         blocks: Option<PointBlocks>,
         /// `None` once all points are arranged.
-        arranging: Option<Arranging>,
+        lod_build: Option<LodBuild>,
     },
     Surface(SurfaceChunks),
 }
@@ -71,7 +71,7 @@ impl Content {
             paint: None,
             kind: Kind::Points {
                 blocks,
-                arranging: None,
+                lod_build: None,
             },
         }
     }
@@ -82,7 +82,7 @@ impl Content {
             Model::Cloud(cloud) if cloud.is_empty() => return Self::empty(),
             Model::Cloud(cloud) => Kind::Points {
                 blocks: None,
-                arranging: Some(Arranging::begin(Arc::clone(cloud), before.arranged())),
+                lod_build: Some(LodBuild::begin(Arc::clone(cloud), before.arranged())),
             },
             Model::Surface(mesh) | Model::Wireframe(mesh) => Kind::Surface(SurfaceChunks::new(
                 mesh.triangles.len(),
@@ -106,7 +106,7 @@ impl Content {
                     ..
                 },
             ) => {
-                let all = blocks.arrangement();
+                let all = blocks.point_lod();
                 (all.len() == cloud.len()).then(|| (Arc::clone(cloud), Arc::clone(all)))
             }
             _ => None,
@@ -119,16 +119,16 @@ impl Content {
 
     /// Applies a completed arrangement; returns whether the image must be redrawn.
     pub(super) fn receive(&mut self) -> bool {
-        let Kind::Points { blocks, arranging } = &mut self.kind else {
+        let Kind::Points { blocks, lod_build } = &mut self.kind else {
             return false;
         };
-        match arranging.as_ref().map(Arranging::next) {
-            Some(Arrival::Some(arrangement)) => {
-                *blocks = Some(PointBlocks::new(arrangement));
+        match lod_build.as_ref().map(LodBuild::next) {
+            Some(Arrival::Some(point_lod)) => {
+                *blocks = Some(PointBlocks::new(point_lod));
                 true
             }
             Some(Arrival::Over) => {
-                *arranging = None;
+                *lod_build = None;
                 false
             }
             Some(Arrival::NotYet) | None => false,
@@ -145,7 +145,7 @@ impl Content {
         !matches!(
             self.kind,
             Kind::Points {
-                arranging: Some(_),
+                lod_build: Some(_),
                 ..
             }
         )

@@ -29,7 +29,6 @@
 //! assert!(shot.opacity.iter().any(|&opacity| opacity > 0));
 //! ```
 
-mod arrangement;
 mod axes;
 mod content;
 mod frame_shapes;
@@ -41,6 +40,7 @@ mod paint;
 mod pick;
 mod pipelines;
 mod point_blocks;
+mod point_lod;
 mod raster;
 mod render_request;
 mod scene_view;

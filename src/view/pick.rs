@@ -6,8 +6,8 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::arrangement::outside_job_pool;
 use super::paint::Paint;
+use super::point_lod::outside_job_pool;
 use super::{Appearance, Clip, ViewCamera};
 use ostra_cloud::LabelledCloud;
 use ostra_frames::Frame;

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use glam::Vec4;
 
-use super::arrangement::Arrangement;
 use super::paint::Paint;
 use super::pipelines::{Pipelines, PointInstance};
+use super::point_lod::PointLod;
 use super::target::Gpu;
 use super::{Bounds, SceneStyle, ViewCamera};
 use ostra_cloud::LabelledCloud;
@@ -23,7 +23,7 @@ const FINER: usize = 6;
 /// The image shows a share of the points of each visible block: the first ones in the block's
 /// order.
 pub(super) struct PointBlocks {
-    arrangement: Arc<Arrangement>,
+    point_lod: Arc<PointLod>,
     on_gpu: Vec<OnGpu>,
     parts: Vec<Part>,
 }
@@ -46,21 +46,17 @@ struct Part {
 }
 
 impl PointBlocks {
-    pub fn new(arrangement: Arc<Arrangement>) -> Self {
-        let on_gpu = arrangement
-            .blocks
-            .iter()
-            .map(|_| OnGpu::default())
-            .collect();
+    pub fn new(point_lod: Arc<PointLod>) -> Self {
+        let on_gpu = point_lod.blocks.iter().map(|_| OnGpu::default()).collect();
         Self {
-            arrangement,
+            point_lod,
             on_gpu,
             parts: Vec::new(),
         }
     }
 
-    pub fn arrangement(&self) -> &Arc<Arrangement> {
-        &self.arrangement
+    pub fn point_lod(&self) -> &Arc<PointLod> {
+        &self.point_lod
     }
 
     /// Discards the uploaded points after a change of colours.
@@ -73,7 +69,7 @@ impl PointBlocks {
     /// The budget is divided among the visible blocks by their size on the screen.
     pub fn begin(&mut self, camera: &ViewCamera, style: &SceneStyle, budget: usize) {
         let frustum = Frustum::new(camera, style);
-        let blocks = self.arrangement.blocks.iter().enumerate();
+        let blocks = self.point_lod.blocks.iter().enumerate();
         let mut seen: Vec<(f32, Part)> = blocks
             .filter(|(_, block)| frustum.reaches(&block.bounds))
             .map(|(number, block)| {
@@ -137,9 +133,9 @@ impl PointBlocks {
     /// Then come the points that the image needs.
     pub fn upload_next(&mut self, gpu: &Gpu, cloud: &LabelledCloud, paint: &Paint) {
         if self.on_gpu.iter().any(|block| block.count == 0) {
-            let total = self.arrangement.len().max(UPLOAD);
+            let total = self.point_lod.len().max(UPLOAD);
             for block in 0..self.on_gpu.len() {
-                let first = (self.arrangement.blocks[block].len() * UPLOAD).div_ceil(total);
+                let first = (self.point_lod.blocks[block].len() * UPLOAD).div_ceil(total);
                 self.upload(gpu, cloud, paint, block, first);
             }
             return;
@@ -175,7 +171,7 @@ impl PointBlocks {
             radius,
         };
         let packed: Vec<PointInstance> = self
-            .arrangement
+            .point_lod
             .part_of(block, *count..end)
             .map(pack)
             .collect();
@@ -183,7 +179,7 @@ impl PointBlocks {
         let buffer = points.get_or_insert_with(|| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("points"),
-                size: self.arrangement.blocks[block].len() as u64 * size,
+                size: self.point_lod.blocks[block].len() as u64 * size,
                 usage: wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::COPY_DST,
                 mapped_at_creation: false,
             })

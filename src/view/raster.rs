@@ -1,7 +1,7 @@
 use rayon::prelude::*;
 
-use super::arrangement::Arrangement;
 use super::paint::Paint;
+use super::point_lod::PointLod;
 use super::{SceneStyle, Shot, ViewCamera};
 use ostra_cloud::LabelledCloud;
 
@@ -45,18 +45,18 @@ pub(super) fn is_shown(opacity: u8, x: usize, y: usize) -> bool {
 /// The result is the same for any number of threads.
 #[must_use]
 pub fn draw_cloud(cloud: &LabelledCloud, camera: &ViewCamera, style: &SceneStyle) -> Shot {
-    draw_arranged(cloud, &Arrangement::of(&cloud.positions), camera, style)
+    draw_arranged(cloud, &PointLod::of(&cloud.positions), camera, style)
 }
 
 /// Draws a cloud whose points are already arranged.
 pub(super) fn draw_arranged(
     cloud: &LabelledCloud,
-    arrangement: &Arrangement,
+    point_lod: &PointLod,
     camera: &ViewCamera,
     style: &SceneStyle,
 ) -> Shot {
     let (width, height) = (camera.width as usize, camera.height as usize);
-    let splats = splats(cloud, arrangement, camera, style);
+    let splats = splats(cloud, point_lod, camera, style);
     let mut pixels = vec![Pixel::background(style.background); width * height];
     let band = 32 * width.max(1);
     let by_band = sort_into_bands(&splats, height.div_ceil(32));
@@ -79,7 +79,7 @@ pub(super) fn draw_arranged(
 
 fn splats(
     cloud: &LabelledCloud,
-    arrangement: &Arrangement,
+    point_lod: &PointLod,
     camera: &ViewCamera,
     style: &SceneStyle,
 ) -> Vec<Splat> {
@@ -102,7 +102,7 @@ fn splats(
             color,
         })
     };
-    arrangement.discs().filter_map(splat).collect()
+    point_lod.discs().filter_map(splat).collect()
 }
 
 /// Returns, for each band of 32 rows, the splats that touch it, in their order.

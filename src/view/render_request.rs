@@ -1,6 +1,6 @@
 use std::sync::{Arc, OnceLock};
 
-use super::arrangement::Arrangement;
+use super::point_lod::PointLod;
 use super::raster::draw_arranged;
 use super::{Model, Orbit, SceneStyle, Shot, draw_mesh};
 
@@ -19,7 +19,7 @@ pub struct RenderRequest {
     /// Rows of the view for which sizes in pixels are given, above 0; sizes scale with the image.
     rows: u32,
     /// Arrangement of a cloud, computed for the first image.
-    arrangement: OnceLock<Arc<Arrangement>>,
+    point_lod: OnceLock<Arc<PointLod>>,
 }
 
 impl RenderRequest {
@@ -34,7 +34,7 @@ impl RenderRequest {
             orbit,
             style,
             rows,
-            arrangement: OnceLock::new(),
+            point_lod: OnceLock::new(),
         }
     }
 
@@ -52,10 +52,10 @@ impl RenderRequest {
         };
         match &self.model {
             Model::Cloud(cloud) => {
-                let arrangement = self
-                    .arrangement
-                    .get_or_init(|| Arc::new(Arrangement::of(&cloud.positions)));
-                draw_arranged(cloud, arrangement, &orbit.camera(width, height), &style)
+                let point_lod = self
+                    .point_lod
+                    .get_or_init(|| Arc::new(PointLod::of(&cloud.positions)));
+                draw_arranged(cloud, point_lod, &orbit.camera(width, height), &style)
             }
             // Each pixel is the mean of four, which smooths edges.
             Model::Surface(mesh) | Model::Wireframe(mesh) => {

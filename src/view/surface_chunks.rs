@@ -4,9 +4,9 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use wgpu::util::DeviceExt;
 
-use super::arrangement::SpreadOrder;
 use super::paint::Paint;
 use super::pipelines::{Pipelines, SurfaceVertex};
+use super::point_lod::SpreadOrder;
 use ostra_cloud::LabelledMesh;
 
 /// Maximum number of triangles per chunk; each chunk has its own vertex and index buffer.

@@ -7,7 +7,7 @@ use egui_kittest::kittest::Queryable;
 use glam::{DVec2, DVec3};
 use ostra_frames::cameras::{SparseKeypoint, SparsePoint, SparsePoints};
 use ostra_project::ReconstructRequest;
-use ostra_reconstruct::sfm::Outcome;
+use ostra_reconstruct::sfm::RegistrationStatus;
 use ostra_session::{Command, SparseModel};
 
 use crate::desk::{Desk, press};
@@ -32,7 +32,7 @@ fn sparse() -> SparseModel {
         points: (0..40).map(|i| point(f64::from(i) * 0.02)).collect(),
         keypoints: BTreeMap::from([(0, sees(0, 30)), (1, sees(10, 40)), (3, sees(25, 40))]),
     };
-    let placed = |points| Outcome::Placed {
+    let placed = |points| RegistrationStatus::Placed {
         points,
         error_px: 0.4,
     };
@@ -41,7 +41,7 @@ fn sparse() -> SparseModel {
         (1, placed(30)),
         (
             2,
-            Outcome::FewPoints {
+            RegistrationStatus::FewPoints {
                 seen: 7,
                 needed: 30,
                 nearest: Some((1, 19)),

@@ -163,10 +163,10 @@ fn layer(
                 Layer::Depth => "This frame has no depth; use Reconstruct to compute it",
                 _ => "Only depth maps from stereo have normals and confidence",
             };
-            say(ui, map, text.into(), ui.visuals().weak_text_color());
+            label_ui(ui, map, text.into(), ui.visuals().weak_text_color());
         }
-        Some(Err(why)) => say(ui, map, why, warn),
-        None => say(ui, map, "Loading…".into(), ui.visuals().weak_text_color()),
+        Some(Err(why)) => label_ui(ui, map, why, warn),
+        None => label_ui(ui, map, "Loading…".into(), ui.visuals().weak_text_color()),
     }
 }
 
@@ -177,10 +177,10 @@ fn placeholder(ui: &Ui, session: &SessionView<'_>, view: &ViewState, map: &Canva
         Some(failure) => (failure, ui.visuals().error_fg_color),
         None => ("Loading…".into(), ui.visuals().weak_text_color()),
     };
-    say(ui, map, text, color);
+    label_ui(ui, map, text, color);
 }
 
-fn say(ui: &Ui, map: &CanvasMap, text: String, color: egui::Color32) {
+fn label_ui(ui: &Ui, map: &CanvasMap, text: String, color: egui::Color32) {
     let painter = ui.painter_at(map.pane);
     painter.rect_filled(map.image_rect(), 0.0, ui.visuals().faint_bg_color);
     let galley = painter.layout(

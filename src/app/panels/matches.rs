@@ -4,7 +4,7 @@ use glam::DVec2;
 use crate::textures::Textures;
 use crate::{SessionView, ViewState};
 use ostra_reconstruct::rgbd::{FrameLink, LinkKind};
-use ostra_reconstruct::sfm::Outcome;
+use ostra_reconstruct::sfm::RegistrationStatus;
 use ostra_session::SparseModel;
 
 /// Maximum number of drawn lines. Of more matches every n-th is shown.
@@ -244,7 +244,7 @@ fn outcomes_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState, spa
         sparse.outcomes.len()
     ));
     ui.separator();
-    let rows: Vec<(usize, &Outcome)> = sparse
+    let rows: Vec<(usize, &RegistrationStatus)> = sparse
         .outcomes
         .iter()
         .map(|(&frame, outcome)| (frame, outcome))
@@ -264,7 +264,7 @@ fn row_ui(
     session: &SessionView<'_>,
     view: &mut ViewState,
     frame: usize,
-    outcome: &Outcome,
+    outcome: &RegistrationStatus,
 ) {
     let name = |frame: usize| {
         session
@@ -287,10 +287,10 @@ fn row_ui(
 }
 
 /// Returns the text and colour at the end of a row. Only problems are highlighted.
-fn summary(ui: &Ui, outcome: &Outcome) -> (String, Color32) {
+fn summary(ui: &Ui, outcome: &RegistrationStatus) -> (String, Color32) {
     let visuals = ui.visuals();
     match outcome {
-        Outcome::Placed { points, error_px } => {
+        RegistrationStatus::Placed { points, error_px } => {
             let color = if *error_px > UNCERTAIN_PX {
                 visuals.warn_fg_color
             } else {
@@ -298,7 +298,7 @@ fn summary(ui: &Ui, outcome: &Outcome) -> (String, Color32) {
             };
             (format!("{points} points  {error_px:.2} px"), color)
         }
-        Outcome::Registered {
+        RegistrationStatus::Registered {
             neighbours,
             consistent,
         } => (

@@ -17,7 +17,7 @@ use ostra_frames::cameras::{
 };
 use ostra_frames::{Frame, FrameError};
 use ostra_reconstruct::rgbd::FrameLink;
-use ostra_reconstruct::sfm::Outcome;
+use ostra_reconstruct::sfm::RegistrationStatus;
 
 /// The data from which `sparse/` was written.
 #[derive(Debug, Clone)]
@@ -93,7 +93,7 @@ const LINKS: &str = "links.json";
 /// # Errors
 ///
 /// Returns an error if the file cannot be written.
-pub fn save_outcomes(folder: &Path, outcomes: &BTreeMap<usize, Outcome>) -> Result<()> {
+pub fn save_outcomes(folder: &Path, outcomes: &BTreeMap<usize, RegistrationStatus>) -> Result<()> {
     durable::replace(
         &folder.join(OUTCOMES),
         &serde_json::to_vec_pretty(outcomes)?,
@@ -118,7 +118,7 @@ pub fn save_links(folder: &Path, links: &[FrameLink]) -> Result<()> {
 /// # Errors
 ///
 /// Returns an error if the file is missing or damaged.
-pub fn load_outcomes(folder: &Path) -> Result<BTreeMap<usize, Outcome>> {
+pub fn load_outcomes(folder: &Path) -> Result<BTreeMap<usize, RegistrationStatus>> {
     load(&folder.join(OUTCOMES))
 }
 

@@ -12,7 +12,7 @@ use super::odometry::{Chain, OnPose, Tried, compare, densify, loops, odometry};
 use super::scan::{Scan, scan, scans};
 use super::{RgbdError, RgbdOptions};
 use crate::sfm::retrieval::{Vocabulary, most_alike};
-use crate::sfm::{FeatureExtractor, FeatureMatcher, Features, Outcome};
+use crate::sfm::{FeatureExtractor, FeatureMatcher, Features, RegistrationStatus};
 use ostra_core::job::Progress;
 use ostra_core::statistics::upper_median;
 use ostra_frames::{Frame, FrameCamera, FrameStore};
@@ -44,7 +44,7 @@ pub struct RgbdResult {
     /// Cameras by frame number; the world is that of the first of them.
     pub cameras: BTreeMap<usize, FrameCamera>,
     /// Outcomes by frame number.
-    pub outcomes: BTreeMap<usize, Outcome>,
+    pub outcomes: BTreeMap<usize, RegistrationStatus>,
     /// Links between frames, including those that the others contradict, by ascending numbers.
     pub links: Vec<FrameLink>,
     /// Whether the run was stopped, so that the result is incomplete.
@@ -105,7 +105,7 @@ pub fn register_rgbd(
         graph.solve();
         graph.tell(&scans, request.on_pose);
     }
-    account(&scans, &tried, &graph, &mut outcomes);
+    add_statuses(&scans, &tried, &graph, &mut outcomes);
     if graph.poses.iter().flatten().count() < 2 {
         progress.check()?;
         return Err(RgbdError::NoStart(why_no_start(&outcomes)));
@@ -201,7 +201,7 @@ fn links(
 }
 
 /// Outcome of a frame between, and its pose if it has one.
-type Between = (usize, Outcome, Option<Pose>);
+type Between = (usize, RegistrationStatus, Option<Pose>);
 
 /// Places the frames between registered ones, by the ones before and after; `placed` holds the poses of the `scans`.
 ///
@@ -220,7 +220,7 @@ fn place_between(
         return Ok(request
             .between
             .iter()
-            .map(|&number| (number, Outcome::NotReached, None))
+            .map(|&number| (number, RegistrationStatus::NotReached, None))
             .collect());
     }
     let known: BTreeMap<usize, usize> = scans
@@ -235,7 +235,7 @@ fn place_between(
             .step(done.fetch_add(1, Ordering::Relaxed), request.between.len())
             .is_err()
         {
-            return Ok((number, Outcome::NotReached, None));
+            return Ok((number, RegistrationStatus::NotReached, None));
         }
         let own = match scan(number, &request.frames[number], store, request.extractor)? {
             Ok(own) => own,
@@ -259,7 +259,7 @@ fn place_between(
                 true,
             ) {
                 Ok((aligned, agreement)) => {
-                    let outcome = Outcome::Registered {
+                    let outcome = RegistrationStatus::Registered {
                         neighbours: 1,
                         consistent: agreement.consistent,
                     };
@@ -272,17 +272,17 @@ fn place_between(
                 Err(best) => nearest = best.map(|best| (frame, best.consistent)).or(nearest),
             }
         }
-        Ok((number, Outcome::Unlike { nearest }, None))
+        Ok((number, RegistrationStatus::Unlike { nearest }, None))
     };
     request.between.par_iter().map(place).collect()
 }
 
 /// Returns the outcome of each scan.
-pub fn account(
+pub fn add_statuses(
     scans: &[Scan],
     tried: &[Tried],
     graph: &Graph,
-    outcomes: &mut BTreeMap<usize, Outcome>,
+    outcomes: &mut BTreeMap<usize, RegistrationStatus>,
 ) {
     let components = Components::new(scans.len(), graph.holding().map(|link| link.scans));
     let size = |scan: usize| {
@@ -296,24 +296,24 @@ pub fn account(
         } else {
             match size(at) {
                 1 => unlike(at, scans, tried),
-                frames => Outcome::Apart { frames },
+                frames => RegistrationStatus::Apart { frames },
             }
         };
         outcomes.insert(scan.frame, outcome);
     }
 }
 
-fn registered(at: usize, graph: &Graph) -> Outcome {
+fn registered(at: usize, graph: &Graph) -> RegistrationStatus {
     let own = graph.holding().filter(|link| link.scans.contains(&at));
     let mut consistent: Vec<f64> = own.map(|link| link.agreement.consistent).collect();
-    Outcome::Registered {
+    RegistrationStatus::Registered {
         neighbours: consistent.len(),
         consistent: upper_median(&mut consistent).unwrap_or(0.0),
     }
 }
 
 /// Returns the outcome of a frame that agrees with none, with the frame that agrees most.
-fn unlike(at: usize, scans: &[Scan], tried: &[Tried]) -> Outcome {
+fn unlike(at: usize, scans: &[Scan], tried: &[Tried]) -> RegistrationStatus {
     let other = |[a, b]: [usize; 2]| if a == at { b } else { a };
     let nearest = tried
         .iter()
@@ -325,25 +325,27 @@ fn unlike(at: usize, scans: &[Scan], tried: &[Tried]) -> Outcome {
             ))
         })
         .max_by(|a, b| a.1.total_cmp(&b.1));
-    Outcome::Unlike { nearest }
+    RegistrationStatus::Unlike { nearest }
 }
 
 /// Explains to the user why no two frames were joined.
 #[must_use]
-pub fn why_no_start(outcomes: &BTreeMap<usize, Outcome>) -> String {
-    let count = |is: fn(&Outcome) -> bool| outcomes.values().filter(|outcome| is(outcome)).count();
+pub fn why_no_start(outcomes: &BTreeMap<usize, RegistrationStatus>) -> String {
+    let count = |is: fn(&RegistrationStatus) -> bool| {
+        outcomes.values().filter(|outcome| is(outcome)).count()
+    };
     let (all, no_depth) = (
         outcomes.len(),
-        count(|outcome| matches!(outcome, Outcome::NoDepth { .. })),
+        count(|outcome| matches!(outcome, RegistrationStatus::NoDepth { .. })),
     );
-    let no_camera = count(|outcome| matches!(outcome, Outcome::NoIntrinsics));
+    let no_camera = count(|outcome| matches!(outcome, RegistrationStatus::NoIntrinsics));
     if no_camera == all {
         return "the depth camera is not known; give --intrinsics FX,FY,CX,CY or --cameras, or --method sfm".into();
     }
     let unreadable: Vec<&String> = outcomes
         .values()
         .filter_map(|outcome| {
-            if let Outcome::Unreadable { why } = outcome {
+            if let RegistrationStatus::Unreadable { why } = outcome {
                 Some(why)
             } else {
                 None

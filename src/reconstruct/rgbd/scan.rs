@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::RgbdError;
 use super::view::View;
-use crate::sfm::{FeatureExtractor, Features, Outcome};
+use crate::sfm::{FeatureExtractor, Features, RegistrationStatus};
 use ostra_core::job::Progress;
 use ostra_frames::{DepthMap, Frame, FrameStore};
 use ostra_geometry::Camera;
@@ -32,7 +32,7 @@ pub struct Scan {
 }
 
 /// A frame by its number, or why it cannot be used.
-pub type Read = (usize, Result<Scan, Outcome>);
+pub type Read = (usize, Result<Scan, RegistrationStatus>);
 
 /// Reads frames; for unusable ones it returns the reason.
 ///
@@ -62,28 +62,28 @@ pub fn scan(
     frame: &Frame,
     store: &FrameStore,
     extractor: &dyn FeatureExtractor,
-) -> Result<Result<Scan, Outcome>, RgbdError> {
+) -> Result<Result<Scan, RegistrationStatus>, RgbdError> {
     let Some(camera) = frame.camera.as_ref().map(|camera| camera.intrinsics) else {
-        return Ok(Err(Outcome::NoIntrinsics));
+        return Ok(Err(RegistrationStatus::NoIntrinsics));
     };
     let (image, depth) = match (store.image(frame), store.depth(frame)) {
         (Ok(image), Ok(Some(depth))) => (image, depth),
-        (Ok(_), Ok(None)) => return Ok(Err(Outcome::NoDepth { known: 0.0 })),
+        (Ok(_), Ok(None)) => return Ok(Err(RegistrationStatus::NoDepth { known: 0.0 })),
         (Err(error), _) | (_, Err(error)) => {
-            return Ok(Err(Outcome::Unreadable {
+            return Ok(Err(RegistrationStatus::Unreadable {
                 why: error.to_string(),
             }));
         }
     };
     let size = (camera.width, camera.height);
     if (image.width, image.height) != size || (depth.width, depth.height) != size {
-        return Ok(Err(Outcome::Unreadable {
+        return Ok(Err(RegistrationStatus::Unreadable {
             why: "image, depth and camera differ in size; give all in one".into(),
         }));
     }
     let view = View::new(&image, &depth, &camera);
     if view.known() < LEAST_KNOWN {
-        return Ok(Err(Outcome::NoDepth {
+        return Ok(Err(RegistrationStatus::NoDepth {
             known: view.known(),
         }));
     }

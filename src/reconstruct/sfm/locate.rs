@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::extract::ImageFeatures;
 use super::request::SfmRequest;
-use super::{IntrinsicsSource, KeypointId, MapProblem, Outcome, SfmError, SparseModel};
+use super::{IntrinsicsSource, KeypointId, MapProblem, RegistrationStatus, SfmError, SparseModel};
 use ostra_core::statistics::upper_median;
 use ostra_frames::{Frame, FrameCamera, FrameStore};
 use ostra_geometry::{
@@ -22,7 +22,7 @@ pub(super) struct Locator<'a> {
 /// Result for a frame between mapped ones.
 pub(super) struct Located {
     pub camera: Option<FrameCamera>,
-    pub outcome: Outcome,
+    pub outcome: RegistrationStatus,
 }
 
 /// Model points that the matches of a frame lead to.
@@ -46,10 +46,10 @@ impl Locator<'_> {
         if let Some(why) = query.unreadable {
             return Ok(Located {
                 camera: None,
-                outcome: Outcome::Unreadable { why },
+                outcome: RegistrationStatus::Unreadable { why },
             });
         }
-        let mut outcome = Outcome::NoPair { nearest: None };
+        let mut outcome = RegistrationStatus::NoPair { nearest: None };
         for reach in REACH {
             let near = self.near(number, reach);
             let seen = self.observations(&query, &near)?;
@@ -115,11 +115,11 @@ impl Locator<'_> {
         frame: &Frame,
         near: &[usize],
         observations: &Observations,
-    ) -> Result<Located, Outcome> {
+    ) -> Result<Located, RegistrationStatus> {
         let needed = self.request.mapper.pose_inliers;
         let Observations { seen, nearest } = observations;
         if seen.len() < needed {
-            return Err(Outcome::FewPoints {
+            return Err(RegistrationStatus::FewPoints {
                 seen: seen.len(),
                 needed,
                 nearest: *nearest,
@@ -135,7 +135,7 @@ impl Locator<'_> {
         let found = estimate_absolute_pose(&intrinsics, &at_px, &points, &options);
         let agreeing = found.as_ref().map_or(0, |pose| pose.inliers.len());
         let Some(found) = found.filter(|_| agreeing >= needed) else {
-            return Err(Outcome::NoPose {
+            return Err(RegistrationStatus::NoPose {
                 seen: seen.len(),
                 agreeing,
             });
@@ -149,7 +149,7 @@ impl Locator<'_> {
         };
         Ok(Located {
             camera: Some(camera),
-            outcome: Outcome::Placed {
+            outcome: RegistrationStatus::Placed {
                 points: errors.len(),
                 error_px,
             },

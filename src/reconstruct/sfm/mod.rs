@@ -38,7 +38,7 @@ pub use problem::{
     Correspondences, IntrinsicsSource, KeypointId, MapCamera, MapImage, MapProblem, ModelPoint,
     SparseModel, VerifiedPair,
 };
-pub use registration_report::Outcome;
+pub use registration_report::RegistrationStatus;
 pub use request::{SfmRequest, SfmResult};
 pub use scale::{MetricScale, metric_scale};
 pub use sift::{Sift, SiftOptions};

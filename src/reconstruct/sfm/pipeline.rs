@@ -2,7 +2,7 @@ use std::collections::BTreeMap;
 
 use super::extract::ImageFeatures;
 use super::locate::{Located, Locator};
-use super::registration_report::{Outcome, RegistrationReport, why_no_start};
+use super::registration_report::{RegistrationReport, RegistrationStatus, why_no_start};
 use super::request::{SfmRequest, error_px, frame_cameras, sparse_points};
 use super::retry_unregistered::{Attempt, retry_unregistered};
 use super::{
@@ -66,7 +66,7 @@ pub fn structure_from_motion(
     let mut result = SfmResult {
         cameras: frame_cameras(&problem, &kept.model, request.mapped),
         sparse: sparse_points(&problem, &kept.model, &images, request.mapped),
-        outcomes: account(request, &problem, &images, &tried, &models),
+        outcomes: registration_statuses(request, &problem, &images, &tried, &models),
         start: kept.start,
         models: models
             .iter()
@@ -104,7 +104,7 @@ fn finish(
         .request
         .located
         .iter()
-        .map(|&number| (number, Outcome::NotReached));
+        .map(|&number| (number, RegistrationStatus::NotReached));
     result.outcomes.extend(open);
     locate_rest(locator, store, result, progress)?;
     scale_to_metres(locator.request, store, result, progress)
@@ -182,13 +182,13 @@ fn sequences(frames: &[&Frame]) -> Vec<usize> {
     frames.iter().map(number).collect()
 }
 
-fn account(
+fn registration_statuses(
     request: &SfmRequest<'_>,
     problem: &MapProblem,
     images: &[ImageFeatures],
     tried: &[TriedPair],
     models: &[Mapped],
-) -> BTreeMap<usize, Outcome> {
+) -> BTreeMap<usize, RegistrationStatus> {
     let placed = |image: usize| residual(problem, &models.first()?.model, image);
     let report = RegistrationReport {
         frame_of: request.mapped,

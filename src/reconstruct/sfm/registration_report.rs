@@ -6,7 +6,7 @@ use ostra_geometry::TwoViewKind;
 /// Result for one frame: how it got a camera, or why it has none.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Outcome {
+pub enum RegistrationStatus {
     /// Structure from motion found its camera.
     Placed {
         /// Number of model points that it sees.
@@ -83,7 +83,7 @@ pub enum Outcome {
 /// Images with fewer features than this are reported as having too few.
 pub(super) const FEW_FEATURES: usize = 50;
 
-impl Outcome {
+impl RegistrationStatus {
     /// Returns whether the frame has a camera.
     #[must_use]
     pub fn is_placed(&self) -> bool {
@@ -190,14 +190,16 @@ impl RegistrationReport<'_> {
         &self,
         features: &[Result<usize, String>],
         placed: &dyn Fn(usize) -> Option<(usize, f64)>,
-    ) -> Vec<Outcome> {
+    ) -> Vec<RegistrationStatus> {
         let outcome = |(image, found): (usize, &Result<usize, String>)| {
             if let Some((points, error_px)) = placed(image) {
-                return Outcome::Placed { points, error_px };
+                return RegistrationStatus::Placed { points, error_px };
             }
             match found {
-                Err(why) => Outcome::Unreadable { why: why.clone() },
-                Ok(found) if *found < FEW_FEATURES => Outcome::FewFeatures { found: *found },
+                Err(why) => RegistrationStatus::Unreadable { why: why.clone() },
+                Ok(found) if *found < FEW_FEATURES => {
+                    RegistrationStatus::FewFeatures { found: *found }
+                }
                 Ok(_) => self.left_out(image),
             }
         };
@@ -205,7 +207,7 @@ impl RegistrationReport<'_> {
     }
 
     /// Returns the outcome of an image with enough features that the kept model does not contain.
-    fn left_out(&self, image: usize) -> Outcome {
+    fn left_out(&self, image: usize) -> RegistrationStatus {
         let Self {
             frame_of,
             tried,
@@ -222,7 +224,7 @@ impl RegistrationReport<'_> {
                 .position(|mapped| std::ptr::eq(mapped, other))
                 .unwrap_or(0)
                 + 1;
-            return Outcome::OtherModel {
+            return RegistrationStatus::OtherModel {
                 model,
                 images: other.model.placed().count(),
             };
@@ -231,7 +233,7 @@ impl RegistrationReport<'_> {
             pair.verified.as_ref().map_or(0, |pair| pair.matches.len())
         });
         if verified.is_none() {
-            return Outcome::NoPair {
+            return RegistrationStatus::NoPair {
                 nearest: frame(most(image, tried, |pair| pair.matches)),
             };
         }
@@ -239,12 +241,14 @@ impl RegistrationReport<'_> {
             .first()
             .and_then(|mapped| mapped.refused.get(&(image as u32)));
         match refused {
-            Some(refusal) if refusal.seen >= options.pose_inliers => Outcome::NoPose {
+            Some(refusal) if refusal.seen >= options.pose_inliers => RegistrationStatus::NoPose {
                 seen: refusal.seen,
                 agreeing: refusal.agreeing,
             },
-            _ if models.first().is_some_and(|mapped| mapped.stopped) => Outcome::NotReached,
-            refusal => Outcome::FewPoints {
+            _ if models.first().is_some_and(|mapped| mapped.stopped) => {
+                RegistrationStatus::NotReached
+            }
+            refusal => RegistrationStatus::FewPoints {
                 seen: refusal.map_or(0, |refusal| refusal.seen),
                 needed: options.pose_inliers,
                 nearest: frame(verified),

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::extract::{AllowedPixels, FrameFeatureExtractor};
 use super::{
     FeatureExtractor, FeatureMatcher, ImageFeatures, KeypointId, MapProblem, MapperOptions,
-    MetricScale, Outcome, PairOptions, SparseModel, Start,
+    MetricScale, PairOptions, RegistrationStatus, SparseModel, Start,
 };
 use ostra_frames::cameras::{SparseKeypoint, SparsePoint, SparsePoints};
 use ostra_frames::{Frame, FrameCamera, FrameStore};
@@ -53,7 +53,7 @@ pub struct SfmResult {
     /// Points and the keypoints that see them; frame numbers as in `cameras`.
     pub sparse: SparsePoints,
     /// Outcomes by frame number.
-    pub outcomes: BTreeMap<usize, Outcome>,
+    pub outcomes: BTreeMap<usize, RegistrationStatus>,
     /// How the model was started.
     pub start: Start,
     /// Number of frames per model, the kept one first.

@@ -6,7 +6,7 @@ use ostra_frames::{Frame, FrameCamera};
 use ostra_project::ResultEngine;
 use ostra_project::{Edit, Project, ResultKind, ResultRecord};
 use ostra_reconstruct::rgbd::{Calibration, FrameLink, RgbdResult};
-use ostra_reconstruct::sfm::{Outcome, SfmResult, Start};
+use ostra_reconstruct::sfm::{RegistrationStatus, SfmResult, Start};
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -40,7 +40,7 @@ pub struct Cameras {
     /// Cameras by frame number.
     pub(super) cameras: BTreeMap<usize, FrameCamera>,
     pub(super) sparse: SparsePoints,
-    pub(super) outcomes: BTreeMap<usize, Outcome>,
+    pub(super) outcomes: BTreeMap<usize, RegistrationStatus>,
     /// Links between frames, if depth was used.
     pub(super) links: Vec<FrameLink>,
     /// Calibrations of images that were found to be misaligned with their depths.

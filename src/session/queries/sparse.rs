@@ -11,15 +11,15 @@ use ostra_cloud::LabelledCloud;
 use ostra_frames::cameras::SparsePoints;
 use ostra_project::store::{load_links, load_outcomes, read_sparse, sparse_path};
 use ostra_reconstruct::rgbd::FrameLink;
-use ostra_reconstruct::sfm::Outcome;
+use ostra_reconstruct::sfm::RegistrationStatus;
 
 /// The sparse reconstruction of the cameras.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SparseModel {
     /// Points, and the keypoints that see them.
     pub points: SparsePoints,
-    /// Outcome of each frame, by frame number.
-    pub outcomes: BTreeMap<usize, Outcome>,
+    /// RegistrationStatus of each frame, by frame number.
+    pub outcomes: BTreeMap<usize, RegistrationStatus>,
     /// Links between frames by depth, in ascending order of their numbers.
     pub links: Vec<FrameLink>,
     /// The points as a cloud without labels.
@@ -32,7 +32,7 @@ impl SparseModel {
     #[must_use]
     pub fn new(
         points: SparsePoints,
-        outcomes: BTreeMap<usize, Outcome>,
+        outcomes: BTreeMap<usize, RegistrationStatus>,
         links: Vec<FrameLink>,
     ) -> Self {
         let positions = points

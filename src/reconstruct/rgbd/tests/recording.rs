@@ -10,7 +10,7 @@ use crate::rgbd::{
     LinkKind, OnPose, RgbdError, RgbdOptions, RgbdRequest, RgbdResult, register_rgbd,
 };
 use crate::sfm::matching::NearestMatcher;
-use crate::sfm::{FeatureError, FeatureMatcher, Features, Outcome, Sift};
+use crate::sfm::{FeatureError, FeatureMatcher, Features, RegistrationStatus, Sift};
 use ostra_core::job::Progress;
 use ostra_frames::{DepthMap, DepthSource, Frame, FrameCamera, FrameStore, Image, ImageSource};
 use ostra_geometry::{Alignment, Pose, Similarity};
@@ -212,9 +212,12 @@ fn damaged_frames_are_reported_and_the_others_placed() {
     recording.add(&seen(&last, 0.0015, 20), last);
 
     let result = recording.register(&NearestMatcher::for_bytes(), 1).unwrap();
-    assert_eq!(result.outcomes[&15], Outcome::NoDepth { known: 0.0 });
+    assert_eq!(
+        result.outcomes[&15],
+        RegistrationStatus::NoDepth { known: 0.0 }
+    );
     assert!(
-        matches!(result.outcomes[&16], Outcome::Unlike { .. }),
+        matches!(result.outcomes[&16], RegistrationStatus::Unlike { .. }),
         "mirrored: {:?}",
         result.outcomes[&16]
     );
@@ -305,7 +308,7 @@ fn fragment_of_another_place_is_not_joined() {
         [0, 1, 2, 3, 4, 5]
     );
     assert!(
-        (6..10).all(|frame| result.outcomes[&frame] == Outcome::Apart { frames: 4 }),
+        (6..10).all(|frame| result.outcomes[&frame] == RegistrationStatus::Apart { frames: 4 }),
         "{:?}",
         result.outcomes
     );

@@ -264,7 +264,7 @@ impl ColorUpdate<'_, '_> {
     /// whose cost alone already decides, with the same result to the bit, takes as long as computing
     /// all.
     #[inline(always)]
-    pub fn visit<S: Simd>(&self, simd: S, own: Plane, x: usize, y: usize) -> (Plane, f32) {
+    pub fn update_pixel<S: Simd>(&self, simd: S, own: Plane, x: usize, y: usize) -> (Plane, f32) {
         let Self { level, other, turn } = *self;
         let patch = level.patch(x, y);
         let (u, v) = (x as f32, y as f32);

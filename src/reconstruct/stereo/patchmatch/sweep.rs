@@ -150,7 +150,7 @@ impl Row<'_, '_> {
                         other,
                         turn: *turn,
                     };
-                    (*plane, *cost) = update.visit(simd, *plane, x, self.y);
+                    (*plane, *cost) = update.update_pixel(simd, *plane, x, self.y);
                 }
             }
         }

@@ -8,7 +8,7 @@ fn blocks_hold_each_point_once_and_block_prefixes_are_spread_evenly() {
     let positions: Vec<Vec3> = (0..250_000)
         .map(|i| Vec3::new((i % 500) as f32, (i / 500) as f32, 0.0))
         .collect();
-    let all = Arrangement::of(&positions);
+    let all = PointLod::of(&positions);
     assert!(all.blocks.len() > 4 && all.len() == positions.len());
     let mut seen = vec![0; positions.len()];
     for (number, block) in all.blocks.iter().enumerate() {
@@ -44,7 +44,7 @@ fn sample_is_spread_over_the_cloud_with_discs_that_close_the_surface() {
     let positions: Vec<Vec3> = (0..90_000)
         .map(|i| Vec3::new((i % 300) as f32, (i / 300) as f32, 0.0))
         .collect();
-    let sample = Arrangement::of_sample(&positions, 10_000);
+    let sample = PointLod::of_sample(&positions, 10_000);
     let left = sample
         .discs()
         .filter(|&(index, _)| positions[index].x < 150.0)
@@ -186,11 +186,11 @@ fn spacing_is_zero_for_too_few_points_and_ignores_duplicates() {
     assert!(median_spacing(spacing(&twice)) > 1.0 / 60.0 * 0.6);
 }
 
-fn all_that_comes(arranging: &Arranging) -> Vec<Arc<Arrangement>> {
+fn all_that_comes(lod_build: &LodBuild) -> Vec<Arc<PointLod>> {
     let mut came = Vec::new();
     loop {
-        match arranging.next() {
-            Arrival::Some(arrangement) => came.push(arrangement),
+        match lod_build.next() {
+            Arrival::Some(point_lod) => came.push(point_lod),
             Arrival::NotYet => std::thread::yield_now(),
             Arrival::Over => return came,
         }
@@ -206,7 +206,7 @@ fn row(points: usize) -> Arc<LabelledCloud> {
 #[test]
 fn sample_is_sent_first_and_equal_positions_reuse_the_arrangement() {
     let large = row(SAMPLE + 1000);
-    let came = all_that_comes(&Arranging::begin(Arc::clone(&large), None));
+    let came = all_that_comes(&LodBuild::begin(Arc::clone(&large), None));
     assert_eq!(
         came.iter().map(|one| one.len()).collect::<Vec<_>>(),
         [SAMPLE, SAMPLE + 1000]
@@ -215,12 +215,12 @@ fn sample_is_sent_first_and_equal_positions_reuse_the_arrangement() {
         colors: vec![[1, 2, 3]; large.len()],
         ..(*large).clone()
     });
-    let again = all_that_comes(&Arranging::begin(
+    let again = all_that_comes(&LodBuild::begin(
         recolored,
         Some((large, Arc::clone(&came[1]))),
     ));
     assert!(again.len() == 1 && Arc::ptr_eq(&again[0], &came[1]));
-    let small = all_that_comes(&Arranging::begin(
+    let small = all_that_comes(&LodBuild::begin(
         row(100),
         Some((row(101), Arc::clone(&came[1]))),
     ));
@@ -230,7 +230,7 @@ fn sample_is_sent_first_and_equal_positions_reuse_the_arrangement() {
 #[test]
 fn dropping_the_work_releases_the_cloud() {
     let cloud = row(200_000);
-    drop(Arranging::begin(Arc::clone(&cloud), None));
+    drop(LodBuild::begin(Arc::clone(&cloud), None));
     let ended = (0..50_000_000).any(|_| {
         std::thread::yield_now();
         Arc::strong_count(&cloud) == 1

@@ -23,7 +23,7 @@ const RADIUS: f32 = 0.75;
 /// The order is a Z-order curve rather than an octree. One parallel sort of integers builds it, and
 /// neighbours along the curve also give the spacing around each point, which sets its disc radius.
 #[derive(Default)]
-pub(super) struct Arrangement {
+pub(super) struct PointLod {
     order: Vec<u32>,
     radii: Vec<f32>,
     pub blocks: Vec<Block>,
@@ -43,7 +43,7 @@ impl Block {
     }
 }
 
-impl Arrangement {
+impl PointLod {
     /// Arranges all points.
     pub fn of(positions: &[Vec3]) -> Self {
         Self::along(positions, Self::z_order(positions))
@@ -318,27 +318,27 @@ fn median_spacing(mut spacing: Vec<f32>) -> f32 {
 const SAMPLE: usize = 65_536;
 
 /// A cloud with its arrangement.
-pub(super) type Arranged = (Arc<LabelledCloud>, Arc<Arrangement>);
+pub(super) type Arranged = (Arc<LabelledCloud>, Arc<PointLod>);
 
 /// A cloud that is being arranged in the background, an even sample of it first.
 ///
 /// If this is dropped, the work ends after its current step.
-pub(super) struct Arranging {
-    arrived: Receiver<Arc<Arrangement>>,
+pub(super) struct LodBuild {
+    arrived: Receiver<Arc<PointLod>>,
     _wanted: Arc<()>,
 }
 
 /// State of an [`Arranging`].
 pub(super) enum Arrival {
     /// An arrangement of a sample or of all points.
-    Some(Arc<Arrangement>),
+    Some(Arc<PointLod>),
     /// No arrangement is available yet.
     NotYet,
     /// The work has ended.
     Over,
 }
 
-impl Arranging {
+impl LodBuild {
     /// Starts arranging; `before` is reused if its points have the same positions.
     pub fn begin(cloud: Arc<LabelledCloud>, before: Option<Arranged>) -> Self {
         let (sender, arrived) = channel();
@@ -355,7 +355,7 @@ impl Arranging {
     /// Returns an arrangement that was completed since the last call.
     pub fn next(&self) -> Arrival {
         match self.arrived.try_recv() {
-            Ok(arrangement) => Arrival::Some(arrangement),
+            Ok(point_lod) => Arrival::Some(point_lod),
             Err(TryRecvError::Empty) => Arrival::NotYet,
             Err(TryRecvError::Disconnected) => Arrival::Over,
         }
@@ -376,20 +376,20 @@ pub(super) fn outside_job_pool(work: impl FnOnce() + Send + 'static) {
 fn arrange(
     cloud: &LabelledCloud,
     before: Option<Arranged>,
-    sender: &Sender<Arc<Arrangement>>,
+    sender: &Sender<Arc<PointLod>>,
     wanted: &Weak<()>,
-) -> Result<(), SendError<Arc<Arrangement>>> {
-    if let Some((_, arrangement)) = before.filter(|(other, _)| other.positions == cloud.positions) {
-        return sender.send(arrangement);
+) -> Result<(), SendError<Arc<PointLod>>> {
+    if let Some((_, point_lod)) = before.filter(|(other, _)| other.positions == cloud.positions) {
+        return sender.send(point_lod);
     }
     if cloud.len() > SAMPLE {
-        sender.send(Arc::new(Arrangement::of_sample(&cloud.positions, SAMPLE)))?;
+        sender.send(Arc::new(PointLod::of_sample(&cloud.positions, SAMPLE)))?;
     }
-    let order = Arrangement::z_order(&cloud.positions);
+    let order = PointLod::z_order(&cloud.positions);
     if wanted.strong_count() == 0 {
         return Ok(());
     }
-    sender.send(Arc::new(Arrangement::along(&cloud.positions, order)))
+    sender.send(Arc::new(PointLod::along(&cloud.positions, order)))
 }
 
 /// A permutation of `0..count` in which every prefix is spread evenly over the whole range.
