@@ -271,7 +271,7 @@ impl ViewState {
             ruler: Ruler::default(),
             matches: MatchView::default(),
             measures: MeasureView::default(),
-            layer: Layer::Photo,
+            layer: Layer::Image,
             rest: None,
             hover_request: None,
             pointer_px: None,

@@ -149,7 +149,7 @@ mod tests {
             mask.confidence,
             BTreeMap::from([(LabelId(1), 0.7), (LabelId(2), 0.25)])
         );
-        assert!(!mask.stale, "what is carried again is fresh");
+        assert!(!mask.stale, "a mask that is tracked again is not stale");
         assert_eq!(
             taken(&choice(&[1], true), 0, [0, 1, 1]).unwrap().runs,
             tracked([0, 1, 1]).runs

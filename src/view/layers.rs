@@ -9,7 +9,7 @@ use ostra_frames::{DepthMap, EstimatedDepth, Frame, FrameError, FrameStore, Imag
 pub enum Layer {
     /// The image.
     #[default]
-    Photo,
+    Image,
     /// Depth: near is violet, far is yellow.
     Depth,
     /// Normals as colours: red is right, green is down, blue is towards the camera.
@@ -31,13 +31,13 @@ pub struct LayerImage {
 
 impl Layer {
     /// All layers, the image first.
-    pub const ALL: [Self; 4] = [Self::Photo, Self::Depth, Self::Normals, Self::Confidence];
+    pub const ALL: [Self; 4] = [Self::Image, Self::Depth, Self::Normals, Self::Confidence];
 
     /// Returns the display name.
     #[must_use]
     pub fn text(self) -> &'static str {
         match self {
-            Self::Photo => "Photo",
+            Self::Image => "Image",
             Self::Depth => "Depth",
             Self::Normals => "Normals",
             Self::Confidence => "Confidence",
@@ -61,7 +61,7 @@ pub fn draw_layer(
     store: &FrameStore,
 ) -> Result<Option<LayerImage>, FrameError> {
     Ok(match layer {
-        Layer::Photo => Some(LayerImage {
+        Layer::Image => Some(LayerImage {
             image: store.image(frame)?,
             range: None,
         }),

@@ -109,6 +109,13 @@ impl Stage {
         pane.center() + (Vec2::new(x, y) - size / 2.0) * scale
     }
 
+    fn type_into(&mut self, label: &str, text: &str) {
+        self.harness.get_by_label(label).focus();
+        self.harness.run_steps(1);
+        self.harness.event(egui::Event::Text(text.into()));
+        self.harness.run_steps(2);
+    }
+
     fn button(&mut self, pos: Pos2, pressed: bool) {
         self.harness.hover_at(pos);
         self.harness.run_steps(1);
@@ -276,12 +283,13 @@ fn pages_on_photos() {
     let mut stage = Stage::open(Some(&folder.path().join("plant")));
     stage.show(Panes::Both, 6);
     stage.save("cameras");
-    stage.press(Modifiers::NONE, Key::F7);
+    stage.press(Modifiers::NONE, Key::F6);
     stage.settle();
     stage.save("matches");
-    stage.press(Modifiers::NONE, Key::F7);
+    stage.press(Modifiers::NONE, Key::F6);
     stage.view().dialog = Some(Dialog::NewProject);
     stage.settle();
+    stage.type_into("Frames folder or video", "/photos/rice");
     stage.save("new-project");
 }
 

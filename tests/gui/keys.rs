@@ -257,7 +257,7 @@ fn key_shows_depth_normals_and_confidence_instead_of_the_image() {
         );
     }
     press(&mut harness, Modifiers::NONE, Key::F7);
-    assert_eq!(shown(&harness), Layer::Photo);
+    assert_eq!(shown(&harness), Layer::Image);
 }
 
 /// Returns a job that has run for three minutes.

@@ -68,7 +68,7 @@ fn draw(
 ) {
     let painter = ui.painter_at(map.pane);
     painter.rect_filled(map.pane, 0.0, ui.visuals().extreme_bg_color);
-    if view.layer == Layer::Photo {
+    if view.layer == Layer::Image {
         match session.images.and_then(|images| images.image(view.frame)) {
             Some(image) => paint::texture(&painter, map, textures.image(ui.ctx(), &image).id()),
             None => placeholder(ui, session, view, map),

@@ -349,7 +349,7 @@ fn unreadable_frames_are_skipped_and_named_in_one_line() {
     std::fs::write(depth(0), "").unwrap();
     assert!(
         refused(&request()).contains("d0.png"),
-        "no mask is left that could be carried"
+        "no mask is left to re-project"
     );
 }
 

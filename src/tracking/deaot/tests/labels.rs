@@ -194,11 +194,11 @@ fn missing_empty_or_ill_sized_masks_are_rejected() {
     let progress = Progress::default();
     let mut pass = deaot.pass(&progress);
     let error = pass.propagate(&image(0)).unwrap_err();
-    assert!(error.to_string().contains("no mask to carry"), "{error}");
+    assert!(error.to_string().contains("no mask to track"), "{error}");
     pass.remember(&image(0), &mask(&[])).unwrap();
     assert!(
         pass.propagate(&image(1)).is_err(),
-        "an empty mask gives nothing to carry"
+        "an empty mask gives nothing to track"
     );
     let error = pass
         .remember(&image(0), &LabelMask::empty(WIDTH, 3))
