@@ -3,7 +3,7 @@ use ostra_project::{EngineName, SegmenterId};
 
 use super::panels::has_chosen;
 use super::ranges::{is_range_change, range_request, split_at};
-use super::shell::Requests;
+use super::session_view::Requests;
 use super::tooltips::action_button;
 use super::{Action, MenuName, SessionView, ViewState};
 use ostra_session::{Command, EngineKind};

@@ -2,7 +2,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::ViewState;
+use crate::{Action, ViewState};
 use ostra_cloud::conflicts::FrameConflict;
 use ostra_cloud::fuse::Votes;
 use ostra_cloud::measure::{LengthUnit, TraitRow};
@@ -13,10 +13,17 @@ use ostra_frames::{Frame, FrameStore};
 use ostra_masks::{LabelTree, Region, RunMask};
 use ostra_project::{Estimate, Project};
 use ostra_session::{
-    Angles, Drawings, Engine, EngineKind, Grounding, Images, JobTask, JobView, ProposedInstances,
-    Session, SparseModel, Suggestion,
+    Angles, Command, Drawings, Engine, EngineKind, Grounding, Images, JobTask, JobView,
+    ProposedInstances, Session, SparseModel, Suggestion,
 };
 use ostra_view::{Layer, LayerImage, draw_layer};
+
+/// What the user requested while a frame of the window was drawn, in order.
+#[derive(Default)]
+pub(crate) struct Requests {
+    pub commands: Vec<Command>,
+    pub actions: Vec<Action>,
+}
 
 /// Read-only view of the open session, borrowed by the panels for one frame of the window.
 #[derive(Clone, Copy)]

@@ -13,18 +13,12 @@ use super::panels::{
     segmenter_ui, status_ui, suggestions_ui, text_prompt_ui, timeline_ui, track_ui, welcome_ui,
 };
 use super::perform::perform;
+use super::session_view::Requests;
 use super::textures::Textures;
 use super::tooltips::section_heading;
 use super::{Action, Dialog, Panes, Prefs, SessionView, ViewState};
 use ostra_session::Command;
 use ostra_view::Orbit;
-
-/// What the user requested while a frame of the window was drawn, in order.
-#[derive(Default)]
-pub(crate) struct Requests {
-    pub commands: Vec<Command>,
-    pub actions: Vec<Action>,
-}
 
 /// Everything that is drawn, without the session behind it: a view in, commands out.
 pub struct Shell {

@@ -22,7 +22,7 @@ pub enum FrameError {
         reason: std::io::Error,
     },
     /// A source file or folder is missing.
-    #[error("{}: is not there; if it was moved, run 'ostra relocate PROJECT OLD NEW' or choose File › Frames were moved", path.display())]
+    #[error("{}: is missing; if it was moved, run 'ostra relocate PROJECT OLD NEW' or choose File › Locate missing frames", path.display())]
     Missing {
         /// The file or folder.
         path: PathBuf,

@@ -299,7 +299,7 @@ fn copy(
     let shown = labels
         .iter()
         .any(|label| from.runs.runs.iter().any(|(id, _)| id == label));
-    ensure!(shown, "frame {source} does not show what is to be copied");
+    ensure!(shown, "frame {source} does not show the labels to copy");
     let mut edits = Vec::new();
     for frame in (request.from..=request.to).filter(|&frame| frame != source) {
         let of = project.frame(frame)?;

@@ -102,11 +102,7 @@ const SAM: &str = "the networks sam-vit-b, mobile-sam or efficient-sam and ONNX 
 impl EngineId for SegmenterId {
     const KIND: EngineKind = EngineKind::Segmenter;
     const TABLE: &'static [EngineSpec<Self>] = &[
-        spec(
-            Self::Auto,
-            "nothing; takes the best that is installed",
-            always,
-        ),
+        spec(Self::Auto, "nothing; uses the best installed one", always),
         spec(Self::Sam, SAM, || sam_network().is_some()),
         spec(Self::SamClose, SAM, || sam_network().is_some()),
         spec(
@@ -142,7 +138,7 @@ const NETWORKS: &str = "its networks and ONNX Runtime; add both with 'ostra mode
 impl EngineId for TrackerId {
     const KIND: EngineKind = EngineKind::Tracker;
     const TABLE: &'static [EngineSpec<Self>] = &[
-        spec(Self::Auto, "what the tracker it takes needs", always),
+        spec(Self::Auto, "what the chosen tracker needs", always),
         spec(Self::XMem, NETWORKS, || is_usable("xmem")),
         spec(Self::Deaot, NETWORKS, || is_usable("deaot")),
         spec(Self::Geometry, "depth and cameras of the frames", always),
@@ -174,7 +170,7 @@ const SUPERGLUE: &str = "features of superpoint, the network superglue-outdoor o
 impl EngineId for MatcherId {
     const KIND: EngineKind = EngineKind::Matcher;
     const TABLE: &'static [EngineSpec<Self>] = &[
-        spec(Self::Auto, "what the matcher it takes needs", always),
+        spec(Self::Auto, "what the chosen matcher needs", always),
         spec(Self::Nearest, "nothing", always),
         spec(Self::LighterGlue, LIGHTERGLUE, || is_usable("lighterglue")),
         spec(Self::SuperGlue, SUPERGLUE, || superglue_network().is_some()),

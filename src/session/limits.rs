@@ -435,7 +435,7 @@ mod tests {
         for (broken, range) in [
             (track(u32::MAX), "64 to 4096"),
             (reconstruct(1, u32::MAX), "64 to 8192"),
-            (reconstruct(0, 1024), "1 or more"),
+            (reconstruct(0, 1024), "at least 1"),
             (fuse(0.0), "above 0"),
             (fuse(f64::NAN), "above 0"),
             (export(7.0), "at most 1"),

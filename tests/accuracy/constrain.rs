@@ -97,7 +97,7 @@ fn flow_on_a_synthetic_recording_improves_with_geometry() {
     let (free, _) = tracked(folder, &new, &truth, false);
     let (held, reported) = tracked(folder, &new, &truth, true);
     println!("made plant, flow from one true mask: J {free:.3}, constrained {held:.3}\n{reported}");
-    assert!(reported.contains("geometry mended"), "{reported}");
+    assert!(reported.contains("geometry corrected"), "{reported}");
     assert!(held > free + 0.1, "J {free:.3}, constrained {held:.3}");
     let info: Value = serde_json::from_str(&done(&["info", "held", "--json"], folder).0).unwrap();
     assert_eq!(info["frames"][0]["mask"], "anchor");

@@ -192,7 +192,7 @@ fn gains_by_geometry<T: Tracker + 'static>(tracker: T) {
         "J {free:.3}, constrained {held:.3}, geometry {geometry:.3}"
     );
     assert!(
-        reported.contains("geometry mended")
+        reported.contains("geometry corrected")
             && reported.contains("were restarted in the tracker on"),
         "{reported}"
     );

@@ -7,7 +7,7 @@ use super::paint;
 use super::prompts::with_click;
 use super::toolbar::toolbar_ui;
 use crate::pointer::HoverDwell;
-use crate::shell::Requests;
+use crate::session_view::Requests;
 use crate::textures::Textures;
 use crate::{SessionView, ViewState};
 use ostra_masks::Click;

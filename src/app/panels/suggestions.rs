@@ -5,7 +5,7 @@ use super::labels::add_label;
 use crate::canvas::id_at;
 use crate::menu::is_possible;
 use crate::panel_state::MIN_SHOWN_SCORE;
-use crate::shell::Requests;
+use crate::session_view::Requests;
 use crate::tooltips::action_button;
 use crate::{Action, SessionView, ViewState};
 use ostra_masks::LabelId;

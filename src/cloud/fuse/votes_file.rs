@@ -72,7 +72,7 @@ pub fn read_votes<R: Read>(mut reader: R) -> std::io::Result<Votes> {
     parse(&bytes).map_err(|what| {
         std::io::Error::new(
             std::io::ErrorKind::InvalidData,
-            format!("the votes are {what}; fuse again to make them again"),
+            format!("the votes are {what}; fuse again"),
         )
     })
 }

@@ -101,9 +101,7 @@ impl Ground {
                     .try_normalize()
                     .filter(|_| offset.is_finite())
                     .ok_or_else(|| {
-                        SceneError::Request(
-                            "the ground's normal has no direction; give another than 0,0,0".into(),
-                        )
+                        SceneError::Request("the ground normal must not be 0,0,0".into())
                     })?;
                 let definitions = [
                     "height of the highest point above the given plane",

@@ -193,7 +193,7 @@ fn header_lines(reader: &mut impl BufRead) -> Result<Vec<String>, String> {
             return Err("it does not begin with 'ply', so it is not a PLY file".into());
         }
         if line.is_empty() || bytes > MAX_HEADER_BYTES {
-            return Err("its header has no end ('end_header' is missing); the file is cut off or no PLY file".into());
+            return Err("its header has no end ('end_header' is missing); the file is cut off or not a PLY file".into());
         }
         let end = line.trim_ascii() == b"end_header";
         lines.push(format!(

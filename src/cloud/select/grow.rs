@@ -52,7 +52,7 @@ impl Selector {
         let sound = (0.0..=180.0).contains(&likeness.normal_deg) && likeness.color >= 0.0;
         if !sound {
             return Err(SceneError::Request(
-                "an angle goes from 0 to 180 degrees, a colour difference from 0 on".into(),
+                "the angle must be 0 to 180 degrees, the colour difference at least 0".into(),
             ));
         }
         let (least_cosine, most) = (

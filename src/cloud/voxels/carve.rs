@@ -39,8 +39,7 @@ impl Walls {
     ) -> Result<Option<Self>, SceneError> {
         let too_large = || {
             SceneError::Request(format!(
-                "voxels of {voxel} over the whole cloud are too many to find what they enclose; give a larger size or leave \
-                 points far away out"
+                "voxels of {voxel} over the whole cloud are too many to find what they enclose; give a larger size or remove distant points"
             ))
         };
         let place = |at: &Vec3| (at.as_dvec3() / voxel).floor();

@@ -65,7 +65,7 @@ impl<'a> Cursor<'a> {
     }
 
     fn truncated(&self) -> FrameError {
-        self.error("ends too early; the file is cut off or no COLMAP model, copy it again")
+        self.error("ends too early; the file is cut off or not a COLMAP model, copy it again")
     }
 
     /// Counts bytes as read.

@@ -153,7 +153,7 @@ impl GivenIntrinsics {
         let principal_px = self.principal_px.unwrap_or(DVec2::new(0.5 * w, 0.5 * h));
         if !(focal_px.is_finite() && focal_px.min_element() > 0.0 && principal_px.is_finite()) {
             return Err(format!(
-                "focal lengths {}, {} and principal point {}, {} are no camera; they are given in pixels, focal lengths above 0",
+                "focal lengths {}, {} and principal point {}, {} do not describe a camera; give pixels, with focal lengths above 0",
                 focal_px.x, focal_px.y, principal_px.x, principal_px.y
             ));
         }

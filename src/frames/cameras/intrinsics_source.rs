@@ -130,7 +130,7 @@ fn from_matrix(
     if (last - 1.0).abs() > 1e-9 || !(fx > 0.0 && fy > 0.0 && cx > 0.0 && cy > 0.0) {
         return Err(invalid(
             path,
-            "holds numbers that are no camera matrix (fx, fy, cx, cy above 0); check the file",
+            "holds numbers that are not a camera matrix (fx, fy, cx, cy above 0); check the file",
         ));
     }
     Ok([fx, fy, cx + 0.5, cy + 0.5].into())

@@ -90,7 +90,8 @@ fn check(request: &OpenRequest) -> Result<(), FrameError> {
         .into_iter()
         .find(|unit| !(unit.is_finite() && *unit > 0.0))
     {
-        let what = format!("a depth unit of {unit} cannot be; give metres per step, e.g. 0.001");
+        let what =
+            format!("the depth unit must be above 0, got {unit}; give metres per step, e.g. 0.001");
         return Err(FrameError::NotFound(what));
     }
     Ok(())

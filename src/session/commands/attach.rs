@@ -84,7 +84,7 @@ impl Correcting {
             .for_each(|marks| marks.hidden = FrameSet::default());
         let fused = self
             .voted(&shown, progress)?
-            .context("it is not known who voted; fuse again")?;
+            .context("the voters are not known; fuse again")?;
         Ok(VotedCloud {
             cloud: Arc::new(fused.cloud),
             votes: Arc::new(fused.votes),

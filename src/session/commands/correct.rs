@@ -116,7 +116,7 @@ impl Session {
                 } = corrected(&correcting, &context.progress)?;
                 if edits.is_empty() {
                     let text = notice.context(
-                        "no mask changes: none that may change sees these points otherwise",
+                        "no mask changes: every mask that may change already shows these points so",
                     )?(None);
                     return Ok(Box::new(|session: &mut Self| {
                         session.warn_all(warnings);
@@ -161,7 +161,7 @@ impl Correcting {
         let voted = self
             .before
             .load(&self.project.frames, progress)?
-            .context("it is not known who voted; fuse again")?;
+            .context("the voters are not known; fuse again")?;
         Ok(voted.up_to_date(&self.project, &self.store, progress)?)
     }
 
@@ -174,7 +174,7 @@ impl Correcting {
         let selection = selector.select(frames, tree, &correction.select, progress)?;
         ensure!(
             !selection.points.is_empty(),
-            "no point is chosen; draw around points that are seen"
+            "no point is selected; draw around visible points"
         );
         let seeing = SeeingPixels::new(&selector, &votes, &selection)?;
         let label = correction.change.label();

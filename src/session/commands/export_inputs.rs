@@ -91,7 +91,7 @@ pub(super) fn check(request: &ExportRequest, sources: &Sources) -> Result<()> {
     .any(Option::is_some);
     ensure!(
         anything,
-        "nothing to export was named; choose a cloud, mesh, voxels, cameras, masks, depths or traits"
+        "nothing to export; choose a cloud, mesh, voxels, cameras, masks, depths or traits"
     );
     let has_cloud = sources.cloud.is_some() || sources.cloud_file.is_some();
     let of_cloud = [cloud, mesh, voxels, traits]

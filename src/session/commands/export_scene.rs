@@ -88,7 +88,7 @@ fn simplified(
     let (before, after) = (whole.triangles.len(), mesh.triangles.len());
     let missed = after as f64 > (before as f64 * share * SLACK).max(1.0);
     let warning = format!(
-        "the mesh keeps {after} of its {before} triangles: with fewer, borders of labels and holes could not keep their course"
+        "the mesh keeps {after} of its {before} triangles: with fewer, borders of labels and holes would move"
     );
     Ok((mesh, missed.then_some(warning)))
 }

@@ -61,7 +61,7 @@ impl Session {
     pub(crate) fn take_found(&mut self, request: &TakeRequest) -> Result<JobId> {
         let project = self.snapshot()?;
         let frame = project.frame(request.frame)?.clone();
-        ensure!(!request.things.is_empty(), "nothing was named to be taken");
+        ensure!(!request.things.is_empty(), "no found object was named");
         let segmenter = engines::segmenter(
             request.segmenter,
             self.prompting.geometry_for(&project.frames, &self.store),

@@ -84,13 +84,13 @@ impl Session {
             &project.labels,
         );
         if pulled
-            .with_context(|| format!("the border of '{name}' on frame {frame} cannot be pulled"))?
+            .with_context(|| format!("the border of '{name}' on frame {frame} cannot be moved"))?
             == 0
         {
             return Ok(());
         }
         let edits = by_hand(&project, frame, &mask);
-        self.commit(&format!("Pull border of {name} on frame {frame}"), edits)
+        self.commit(&format!("Move border of {name} on frame {frame}"), edits)
     }
 
     pub(crate) fn make_keyframe(&mut self, frame: usize) -> Result<()> {
@@ -184,7 +184,7 @@ impl Session {
             return Ok(());
         }
         self.commit(
-            &format!("Tidy {name} on frame {frame}"),
+            &format!("Clean {name} on frame {frame}"),
             by_hand(&project, frame, &mask),
         )
     }

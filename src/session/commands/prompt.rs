@@ -144,7 +144,7 @@ impl Session {
     fn take_off(&mut self, project: &Project, frame: usize, label: LabelId) -> Result<()> {
         let name = label_name(project, label)?;
         let edits = without_label(project, frame, label)?;
-        self.commit(&format!("Take {name} off frame {frame}"), edits)
+        self.commit(&format!("Remove {name} from frame {frame}"), edits)
     }
 }
 

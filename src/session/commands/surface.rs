@@ -111,7 +111,7 @@ impl Sources<'_> {
         };
         if surface.mesh.triangles.is_empty() {
             return Ok(Made::Nothing(Some(
-                "no surface was made: the depths hold none at this voxel size".into(),
+                "no surface was made: the depths contain none at this voxel size".into(),
             )));
         }
         let (mut mesh, votes) = self.vote(surface.mesh, &views, progress)?;

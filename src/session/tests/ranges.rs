@@ -399,7 +399,7 @@ fn copied_mask_is_a_keyframe() {
     )
     .unwrap_err()
     .to_string();
-    assert_eq!(error, "frame 0 does not show what is to be copied");
+    assert_eq!(error, "frame 0 does not show the labels to copy");
 }
 
 #[test]

@@ -332,14 +332,14 @@ impl ConsistencyReport {
         let mut lines = Vec::new();
         if self.corrected.is_empty() {
             lines.push(format!(
-                "geometry contradicts no mask of the {held} frames that were held against it"
+                "geometry agrees with the masks of all {held} compared frames"
             ));
         } else {
             let pixels: usize = self.corrected.values().sum();
             let names = names(self.corrected.keys(), frames);
             let count = self.corrected.len();
             lines.push(format!(
-                "geometry mended {pixels} pixels in {count} of {held} frames: {names}"
+                "geometry corrected {pixels} pixels in {count} of {held} frames: {names}"
             ));
         }
         if !self.seeded.is_empty() {
@@ -351,7 +351,7 @@ impl ConsistencyReport {
         if !self.left.is_empty() {
             let (count, names) = (self.left.len(), names(self.left.iter(), frames));
             lines.push(format!(
-                "{count} frames were left to the tracker for want of depth or a camera: {names}"
+                "{count} frames were not compared, as they have no depth or no camera: {names}"
             ));
         }
         if !self.passed.is_empty() {

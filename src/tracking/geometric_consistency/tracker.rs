@@ -106,7 +106,7 @@ fn check(request: &TrackRequest, keyframe_views: &KeyframeViews<'_>) -> Result<(
         (request.from..=request.to).filter(|frame| !request.keyframes.contains_key(frame));
     if !targets.any(|frame| keyframe_views.can_give_evidence_for(frame)) {
         return Err(MaskError::Request(format!(
-            "no frame from {} to {} besides the keyframes has depth and a camera by which its mask could be constrained; \
+            "no frame from {} to {} other than the keyframes has depth and a camera to check its mask with; \
              give them, or track without --constrain",
             request.from, request.to
         )));

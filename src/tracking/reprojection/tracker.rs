@@ -135,7 +135,10 @@ impl<'a> Run<'a> {
             .map(name)
             .collect();
         let lines = [
-            naming("were left out for want of depth or a camera", &left_out),
+            naming(
+                "were left out, as they have no depth or no camera",
+                &left_out,
+            ),
             self.views.warning(),
             naming(
                 "got no mask, as no frame that shows the same and has a mask can be read",

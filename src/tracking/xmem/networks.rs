@@ -280,7 +280,7 @@ fn outputs<const N: usize>(
 fn unusable(network: &Network) -> MaskError {
     let path = network.path().display();
     MaskError::Network(format!(
-        "{path}: gives something else than assets/export/xmem.py makes; export it again"
+        "{path}: has other outputs than a file made by assets/export/xmem.py; export it again"
     ))
 }
 

@@ -98,7 +98,7 @@ fn unreadable_keyframe_is_reported_and_others_are_used() {
         swapped(&made),
     );
     assert!(
-        result.lines[0].starts_with("geometry mended"),
+        result.lines[0].starts_with("geometry corrected"),
         "{:?}",
         result.lines
     );

@@ -91,7 +91,7 @@ impl SuperGlue {
                 Ok(Some((agreement, alone)))
             }
             _ => Err(FeatureError::Network(
-                "SuperGlue gives something else than how keypoints agree".to_owned(),
+                "SuperGlue has other outputs than how keypoints agree".to_owned(),
             )),
         }
     }

@@ -57,7 +57,7 @@ fn dragged_border_is_one_undoable_step_and_respects_locks() {
         (before.at(13, 7), pulled.at(13, 7), pulled.at(13, 1)),
         (LabelId::NONE, LEAF, LabelId::NONE)
     );
-    assert_eq!(session.undo_title(), Some("Pull border of leaf on frame 0"));
+    assert_eq!(session.undo_title(), Some("Move border of leaf on frame 0"));
     perform(&mut session, Command::Undo).unwrap();
     assert_eq!(mask(&session), before);
     perform(&mut session, square(STONE, 30.0, 40.0, false, false)).unwrap();
