@@ -2,6 +2,7 @@ use egui::{Key, KeyboardShortcut, Modifiers};
 use serde::{Deserialize, Serialize};
 
 use super::Tool;
+use ostra_session::Command;
 use ostra_view::Side;
 
 /// Actions available from a menu, the palette or a key.
@@ -236,6 +237,13 @@ impl MenuName {
             Self::Help => "Help",
         }
     }
+}
+
+/// What the user requested while a frame of the window was drawn, in order.
+#[derive(Default)]
+pub(crate) struct Requests {
+    pub commands: Vec<Command>,
+    pub actions: Vec<Action>,
 }
 
 impl Action {

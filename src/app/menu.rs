@@ -1,9 +1,9 @@
 use egui::{Button, MenuBar, Ui};
 use ostra_project::{EngineName, SegmenterId};
 
+use super::action::Requests;
 use super::panels::has_chosen;
 use super::ranges::{is_range_change, range_request, split_at};
-use super::session_view::Requests;
 use super::tooltips::action_button;
 use super::{Action, MenuName, SessionView, ViewState};
 use ostra_session::{Command, EngineKind};

@@ -2,7 +2,6 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::{Action, ViewState};
 use ostra_cloud::conflicts::FrameConflict;
 use ostra_cloud::fuse::Votes;
 use ostra_cloud::measure::{LengthUnit, TraitRow};
@@ -13,17 +12,10 @@ use ostra_frames::{Frame, FrameStore};
 use ostra_masks::{LabelTree, Region, RunMask};
 use ostra_project::{Estimate, Project};
 use ostra_session::{
-    Angles, Command, Drawings, Engine, EngineKind, Grounding, Images, JobTask, JobView,
-    ProposedInstances, Session, SparseModel, Suggestion,
+    Angles, Drawings, Engine, EngineKind, Grounding, Images, JobTask, JobView, ProposedInstances,
+    SparseModel, Suggestion,
 };
 use ostra_view::{Layer, LayerImage, draw_layer};
-
-/// What the user requested while a frame of the window was drawn, in order.
-#[derive(Default)]
-pub(crate) struct Requests {
-    pub commands: Vec<Command>,
-    pub actions: Vec<Action>,
-}
 
 /// Read-only view of the open session, borrowed by the panels for one frame of the window.
 #[derive(Clone, Copy)]
@@ -91,58 +83,6 @@ pub struct SessionView<'a> {
 }
 
 impl<'a> SessionView<'a> {
-    /// Returns what the session shows in a view; `nothing` is the project while none is open.
-    ///
-    /// Images, layers, jobs, engines, networks, recent projects, the mask before the last step and
-    /// the estimate are left out.
-    pub(crate) fn of(session: &'a Session, nothing: &'a Arc<Project>, view: &ViewState) -> Self {
-        let conflicts = session.conflicts();
-        let measures = &view.measures;
-        Self {
-            project: session.project().unwrap_or(nothing),
-            root: session.root(),
-            cloud: session.cloud(),
-            votes: session.votes(),
-            proposed: view
-                .instances
-                .and_then(|request| session.proposed_instances(request)),
-            has_surface: session.surface_voxel().is_some(),
-            surface: view
-                .shown
-                .surface()
-                .and_then(|surface| session.surface(surface)),
-            preview_cloud: session.preview_cloud(),
-            sparse: session.sparse(),
-            chosen: session.selected(),
-            inspected: session.inspected(),
-            images: None,
-            layers: None,
-            hovered: session.hovered(),
-            jobs: &[],
-            engines: &[],
-            models: &[],
-            undo: session.undo_title(),
-            redo: session.redo_title(),
-            recent: &[],
-            before: None,
-            suggestions: session.suggestions(),
-            grounding: session.grounding(),
-            interactions: session.interactions(),
-            conflicts,
-            vote_mismatch: view
-                .shows_mismatch(conflicts)
-                .then(|| session.vote_mismatch(view.frame))
-                .flatten(),
-            traits: measures
-                .open
-                .then(|| session.traits(measures.settings))
-                .flatten(),
-            angles: measures.open.then(|| session.angles(measures.pairs())),
-            unit: session.length_unit(),
-            estimate: None,
-        }
-    }
-
     /// Returns `true` if the open project has frames.
     #[must_use]
     pub fn has_frames(&self) -> bool {

@@ -1,5 +1,6 @@
 use egui::{CentralPanel, Context, Event, Frame, Key, Margin, Panel, ScrollArea, Stroke, Ui};
 
+use super::action::Requests;
 use super::canvas::image_pane_ui;
 use super::dialogs::{
     export_ui, image_ui, into_ui, models_ui, new_project_ui, palette_ui, path_ui, relocate_ui,
@@ -13,7 +14,6 @@ use super::panels::{
     segmenter_ui, status_ui, suggestions_ui, text_prompt_ui, timeline_ui, track_ui, welcome_ui,
 };
 use super::perform::perform;
-use super::session_view::Requests;
 use super::textures::Textures;
 use super::tooltips::section_heading;
 use super::{Action, Dialog, Panes, Prefs, SessionView, ViewState};

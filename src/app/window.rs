@@ -8,7 +8,7 @@ use egui::{Context, ViewportBuilder, ViewportCommand};
 use super::dialogs::{NewProjectForm, ScreenshotRequest, Take};
 use super::theme::set_theme;
 use super::view_state::RecipeTarget;
-use super::{Dialog, Layers, Prefs, SessionView, Severity, Shell, layers_of};
+use super::{Dialog, Layers, Prefs, SessionView, Severity, Shell, ViewState, layers_of};
 use ostra_compute::nn::{Provider, Row};
 use ostra_core::disk;
 use ostra_frames::{Frame, TurntableOptions};
@@ -151,7 +151,7 @@ impl Window {
             recent: self.recent.paths(),
             before: before.as_ref(),
             estimate: self.estimate,
-            ..SessionView::of(&self.session, &self.nothing, view)
+            ..view_of(&self.session, &self.nothing, view)
         };
         let requested = self.shell.ui(ui, &session);
         let changes = !requested.is_empty();
@@ -398,6 +398,62 @@ impl eframe::App for Window {
 
     fn save(&mut self, storage: &mut dyn eframe::Storage) {
         eframe::set_value(storage, PREFS, &self.shell.view.prefs);
+    }
+}
+
+/// Returns what the session shows in a view; `nothing` is the project while none is open.
+///
+/// Images, layers, jobs, engines, networks, recent projects, the mask before the last step and
+/// the estimate are left out.
+fn view_of<'a>(
+    session: &'a Session,
+    nothing: &'a Arc<Project>,
+    view: &ViewState,
+) -> SessionView<'a> {
+    let conflicts = session.conflicts();
+    let measures = &view.measures;
+    SessionView {
+        project: session.project().unwrap_or(nothing),
+        root: session.root(),
+        cloud: session.cloud(),
+        votes: session.votes(),
+        proposed: view
+            .instances
+            .and_then(|request| session.proposed_instances(request)),
+        has_surface: session.surface_voxel().is_some(),
+        surface: view
+            .shown
+            .surface()
+            .and_then(|surface| session.surface(surface)),
+        preview_cloud: session.preview_cloud(),
+        sparse: session.sparse(),
+        chosen: session.selected(),
+        inspected: session.inspected(),
+        images: None,
+        layers: None,
+        hovered: session.hovered(),
+        jobs: &[],
+        engines: &[],
+        models: &[],
+        undo: session.undo_title(),
+        redo: session.redo_title(),
+        recent: &[],
+        before: None,
+        suggestions: session.suggestions(),
+        grounding: session.grounding(),
+        interactions: session.interactions(),
+        conflicts,
+        vote_mismatch: view
+            .shows_mismatch(conflicts)
+            .then(|| session.vote_mismatch(view.frame))
+            .flatten(),
+        traits: measures
+            .open
+            .then(|| session.traits(measures.settings))
+            .flatten(),
+        angles: measures.open.then(|| session.angles(measures.pairs())),
+        unit: session.length_unit(),
+        estimate: None,
     }
 }
 

@@ -308,7 +308,7 @@ fn damaged_or_blank_images_are_reported_and_the_others_registered() {
         ),
         ("cut.jpg", "the image is damaged or cut off"),
         ("garbage.jpg", "this is not a JPEG, PNG, TIFF or WebP image"),
-        ("gone.jpg", "is not there"),
+        ("gone.jpg", "is missing"),
         (
             "resized.png",
             "it is 300 × 200 pixels now but was 480 × 320",

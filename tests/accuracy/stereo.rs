@@ -377,7 +377,7 @@ fn frames_without_depth_are_reported_and_the_rest_is_done() {
         "{message}"
     );
     assert!(
-        message.contains("0004.jpg has no depth") && message.contains("is not there"),
+        message.contains("0004.jpg has no depth") && message.contains("is missing"),
         "{message}"
     );
     let depths: Vec<bool> = project.info()["frames"]

@@ -166,7 +166,7 @@ fn truncated_video_is_read_to_its_end_and_broken_one_is_refused() {
             .image(&frame)
             .unwrap_err()
             .to_string()
-            .contains("whole.mp4: is not there")
+            .contains("whole.mp4: is missing")
     );
 }
 

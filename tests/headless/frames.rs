@@ -522,7 +522,7 @@ fn changed_or_missing_image_is_reported() {
         .unwrap_err()
         .to_string();
     assert!(
-        gone.contains("a.png: is not there; if it was moved"),
+        gone.contains("a.png: is missing; if it was moved"),
         "{gone}"
     );
 

@@ -967,7 +967,7 @@ fn sources_of_an_older_project_are_found_next_to_it_but_not_replaced_by_others()
     );
     let error = refused(&["fuse", &project, "--voxel", "0.03"]);
     assert!(
-        error.contains("is not there") && error.contains("ostra relocate"),
+        error.contains("is missing") && error.contains("ostra relocate"),
         "{error}"
     );
     fs::create_dir(&parent).unwrap();

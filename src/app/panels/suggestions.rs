@@ -2,10 +2,10 @@ use egui::{Key, Slider, TextEdit, Ui};
 use ostra_session::JobTask;
 
 use super::labels::add_label;
+use crate::action::Requests;
 use crate::canvas::id_at;
 use crate::menu::is_possible;
 use crate::panel_state::MIN_SHOWN_SCORE;
-use crate::session_view::Requests;
 use crate::tooltips::action_button;
 use crate::{Action, SessionView, ViewState};
 use ostra_masks::LabelId;

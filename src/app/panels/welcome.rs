@@ -1,6 +1,6 @@
 use egui::{Button, RichText, Ui};
 
-use crate::session_view::Requests;
+use crate::action::Requests;
 use crate::{Action, SessionView, ViewState};
 use ostra_session::Command;
 

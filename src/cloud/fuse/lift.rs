@@ -2,8 +2,7 @@ use std::sync::Arc;
 
 use glam::{Mat3, Vec3};
 
-use super::voxel_grid::GridFrame;
-use super::voxel_map::{Cell, Sample, cell_key, shard_of};
+use super::voxel_map::{Cell, GridFrame, Sample, cell_key, shard_of};
 use ostra_frames::{DepthMap, Image};
 use ostra_geometry::{Camera, PosedCamera};
 

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::lift::{DepthUnprojection, LiftCount};
 use super::voxel_map::{
-    AXIS_SHIFTS, FRACTION, SHARDS, Sample, Voxel, VoxelMap, cell_index, shard_of,
+    AXIS_SHIFTS, FRACTION, GridFrame, SHARDS, Sample, Voxel, VoxelMap, cell_index, shard_of,
 };
 use crate::morton;
 use ostra_core::job::{Progress, Stopped};
@@ -21,15 +21,6 @@ const BLOCK_ROWS: u32 = 16;
 const MAX_SAMPLES: u32 = 1 << 15;
 /// Number of samples whose voxels are looked up together.
 const LOOKUPS: usize = 64;
-
-/// The placement of a voxel grid in world space.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct GridFrame {
-    /// The corner of the first voxel.
-    pub(super) origin: DVec3,
-    /// Edge length of a voxel.
-    pub(super) voxel: f64,
-}
 
 /// A hashed voxel grid that averages the samples in each voxel.
 ///

@@ -10,6 +10,15 @@ use std::hash::{BuildHasherDefault, Hasher};
 
 use glam::{DVec3, Vec3};
 
+/// The placement of a voxel grid in world space.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct GridFrame {
+    /// The corner of the first voxel.
+    pub(super) origin: DVec3,
+    /// Edge length of a voxel.
+    pub(super) voxel: f64,
+}
+
 /// Number of steps per voxel edge in which positions are summed.
 pub(super) const FRACTION: f32 = 4096.0;
 

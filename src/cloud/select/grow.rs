@@ -5,8 +5,8 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
-use super::selector::Selector;
-use crate::SceneError;
+use crate::points::Neighbours;
+use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::{lab_of_pixel, squared_difference};
 
@@ -36,7 +36,7 @@ impl Default for Likeness {
     }
 }
 
-impl Selector {
+impl Likeness {
     /// Adds the points that can be reached from `inside` over similar neighbours.
     ///
     /// Normals are compared between neighbours, so they may turn gradually (Rabbani, van den
@@ -44,21 +44,19 @@ impl Selector {
     /// Colours are compared with the starting point.
     pub(super) fn grow(
         &self,
-        likeness: &Likeness,
+        cloud: &LabelledCloud,
+        neighbours: &Neighbours,
+        spacing: f32,
         inside: &mut [bool],
         progress: &Progress,
     ) -> Result<(), SceneError> {
-        let (cloud, spacing) = (&self.cloud, self.spacing);
-        let sound = (0.0..=180.0).contains(&likeness.normal_deg) && likeness.color >= 0.0;
+        let sound = (0.0..=180.0).contains(&self.normal_deg) && self.color >= 0.0;
         if !sound {
             return Err(SceneError::Request(
                 "the angle must be 0 to 180 degrees, the colour difference at least 0".into(),
             ));
         }
-        let (least_cosine, most) = (
-            likeness.normal_deg.to_radians().cos(),
-            likeness.color * likeness.color,
-        );
+        let (least_cosine, most) = (self.normal_deg.to_radians().cos(), self.color * self.color);
         let alike = |from: u32, seed: u32, to: usize| {
             let (a, b) = (cloud.normals[from as usize], cloud.normals[to]);
             let smooth = a == glam::Vec3::ZERO || b == glam::Vec3::ZERO || a.dot(b) >= least_cosine;
@@ -75,9 +73,7 @@ impl Selector {
         while !front.is_empty() {
             progress.check()?;
             let reached = |&(point, seed): &(u32, u32)| {
-                let near = self
-                    .neighbours
-                    .nearest_n(cloud.positions[point as usize], NEIGHBOURS);
+                let near = neighbours.nearest_n(cloud.positions[point as usize], NEIGHBOURS);
                 let near = near
                     .into_iter()
                     .filter(|&(other, far)| far <= REACH * spacing && !inside[other]);

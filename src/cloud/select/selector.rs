@@ -70,9 +70,9 @@ pub struct SeenRegion {
 /// A cloud that is prepared for selections.
 #[derive(Debug)]
 pub struct Selector {
-    pub(super) cloud: Arc<LabelledCloud>,
-    pub(super) neighbours: Neighbours,
-    pub(super) spacing: f32,
+    cloud: Arc<LabelledCloud>,
+    neighbours: Neighbours,
+    spacing: f32,
 }
 
 /// Selected points of a cloud.
@@ -171,7 +171,10 @@ impl Selector {
                 .iter_mut()
                 .zip(of(*label))
                 .for_each(|(inside, has)| *inside &= has),
-            SelectStep::Grow(likeness) => self.grow(likeness, inside, progress)?,
+            SelectStep::Grow(likeness) => {
+                let (cloud, neighbours) = (&self.cloud, &self.neighbours);
+                likeness.grow(cloud, neighbours, self.spacing, inside, progress)?;
+            }
             SelectStep::Piece(rank) => {
                 let pieces = pieces(&self.cloud.positions, self.spacing, &indices(inside));
                 let piece = pieces.get(*rank).ok_or_else(|| {

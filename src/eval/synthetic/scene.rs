@@ -5,7 +5,7 @@ use super::model::Model;
 use super::options::{SceneKind, SceneOptions};
 use super::render::{Light, render};
 use super::tiller::build_tiller;
-use super::truth::{TruthOptions, exact_cloud};
+use super::truth::{TruthOptions, TruthSource, exact_cloud};
 use super::view::{RenderedView, View, arc_of_views, spoil};
 use ostra_cloud::measure::TraitRow;
 use ostra_cloud::{LabelledCloud, SceneError};
@@ -143,6 +143,13 @@ impl Scene {
         options: &TruthOptions,
         progress: &Progress,
     ) -> Result<LabelledCloud, SceneError> {
-        exact_cloud(self, options, progress)
+        let source = TruthSource {
+            model: &self.model,
+            light: &self.light,
+            views: &self.views,
+            tree: &self.tree,
+            seed: self.options.seed,
+        };
+        exact_cloud(&source, options, progress)
     }
 }

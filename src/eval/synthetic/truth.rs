@@ -7,10 +7,11 @@ use super::mesh::face_normal;
 use super::model::Model;
 use super::noise::Dice;
 use super::raster::{Raster, band_rows};
-use super::scene::Scene;
+use super::render::Light;
 use super::view::View;
 use ostra_cloud::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
+use ostra_masks::LabelTree;
 
 /// Options of an exact cloud.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,14 +60,24 @@ impl TruthOptions {
     }
 }
 
+/// The parts of a scene from which its exact cloud is made.
+pub(super) struct TruthSource<'a> {
+    pub model: &'a Model,
+    pub light: &'a Light,
+    pub views: &'a [View],
+    pub tree: &'a LabelTree,
+    /// Seed of the positions of the points.
+    pub seed: u64,
+}
+
 pub(super) fn exact_cloud(
-    scene: &Scene,
+    source: &TruthSource<'_>,
     options: &TruthOptions,
     progress: &Progress,
 ) -> Result<LabelledCloud, SceneError> {
     options.check()?;
-    let (model, light) = (&scene.model, &scene.light);
-    let spots = cover(model, scene.options().seed, |part| {
+    let (model, light) = (source.model, source.light);
+    let spots = cover(model, source.seed, |part| {
         if model.appearances[part].label.0 == 0 {
             options.surroundings_m
         } else {
@@ -76,11 +87,11 @@ pub(super) fn exact_cloud(
     let views = if options.min_views == 0 {
         &[]
     } else {
-        scene.views()
+        source.views
     };
     let observations = count_observations(model, &spots, views, progress)?;
     let mut cloud = LabelledCloud {
-        tree: scene.tree().clone(),
+        tree: source.tree.clone(),
         ..LabelledCloud::default()
     };
     for (spot, (count, towards)) in spots.iter().zip(observations) {

@@ -1,7 +1,7 @@
 //! Structure from motion: features, pair selection, matching, incremental mapping, and a report per
 //! image.
 //!
-//! Every image that gets no camera has an [`Outcome`] with the reason.
+//! Every image that gets no camera has an [`RegistrationStatus`] with the reason.
 
 mod asift;
 mod cache;
