@@ -83,7 +83,7 @@ fn moving_object_is_left_to_the_tracker() {
         right.lines
     );
     assert!(
-        right.lines[0].contains("contradicts no mask of the 7 frames"),
+        right.lines[0].contains("agrees with the masks of all 7 compared frames"),
         "{:?}",
         right.lines
     );

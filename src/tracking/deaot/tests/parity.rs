@@ -31,6 +31,7 @@ struct Reference {
 struct Case {
     name: String,
     /// Masks given, by image.
+    #[serde(rename = "told")]
     reported: BTreeMap<usize, String>,
     /// Standard deviation of the logits.
     deviation: f64,

@@ -26,6 +26,7 @@ struct Reference {
     width: u32,
     height: u32,
     side: u32,
+    #[serde(rename = "pictures")]
     images: String,
     tensors: BTreeMap<String, Place>,
     cases: Vec<Case>,

@@ -30,7 +30,7 @@ fn invalid_requests_are_errors_of_one_line() {
     };
     let many = vec!["cat"; 200];
     let asked: [(&Image, &[&str], &str); 5] = [
-        (&small, &[], "no word"),
+        (&small, &[], "nothing to search for"),
         (&small, &["cat", " . "], "' . '"),
         (&small, &many, "402 tokens"),
         (&narrow, &["cat"], "2×4000"),

@@ -25,6 +25,7 @@ struct Reference {
 
 #[derive(Deserialize)]
 struct FrameReference {
+    #[serde(rename = "picture")]
     image: String,
     embedding: Place,
     cases: Vec<Case>,

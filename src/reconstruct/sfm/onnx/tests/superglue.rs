@@ -25,6 +25,7 @@ struct Reference {
 
 #[derive(Deserialize)]
 struct FrameReference {
+    #[serde(rename = "picture")]
     image: String,
     /// Positions are in pixels from the centre of the first pixel.
     keypoints: Place,
