@@ -7,7 +7,7 @@ import torch.nn.functional as F
 from torch import nn
 
 NORM_EPSILON = 1e-12
-KINDS = 2  # of sentences; a caption is of the first
+KINDS = 2  # sentence types; a caption uses the first
 
 
 class Embeddings(nn.Module):
@@ -37,7 +37,7 @@ class SelfAttention(nn.Module):
 
 
 class Residual(nn.Module):
-    """Adds what a linear layer makes of the first to the second."""
+    """Adds the output of a linear layer to the residual input and normalises the sum."""
 
     def __init__(self, width_in, width):
         super().__init__()
@@ -83,11 +83,14 @@ class Encoder(nn.Module):
 
 
 class Pooler(Dense):
-    """Part of every checkpoint; nothing asks it here."""
+    """Unused head that is part of every checkpoint."""
 
 
 class Bert(nn.Module):
-    """Tokens [1, tokens] and what is added to the scores of each pair [1, 1, tokens, tokens] to [1, tokens, width]."""
+    """Encodes tokens [1, tokens] as features [1, tokens, width].
+
+    `barred` [1, 1, tokens, tokens] is added to the attention scores of each pair of tokens.
+    """
 
     def __init__(self, width, depth, heads, hidden, vocabulary, places):
         super().__init__()

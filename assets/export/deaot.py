@@ -1,22 +1,26 @@
 #!/usr/bin/env python3
-"""DeAOT-L with ResNet-50 as the four ONNX files that `ostra models add deaot ENCODER REMEMBER PROPAGATE IDENTIFY` takes.
+"""Exports DeAOT-L with ResNet-50 to the four ONNX files that `ostra models add deaot` takes.
 
     pip install torch onnx
     python3 assets/export/deaot.py R50_DeAOTL_PRE_YTB_DAV.pth OUT
+    ostra models add deaot ENCODER REMEMBER PROPAGATE IDENTIFY
 
-writes to OUT deaot-encoder.onnx (a picture to features), deaot-remember.onnx (a picture with its objects to a memory),
-deaot-propagate.onnx (features and memories to logits of a quarter of the size) and deaot-identify.onnx (what of the
-objects' identities is remembered of a picture that was propagated to).
+The script writes four files to OUT:
 
-The checkpoint is the official one of https://github.com/yoxu515/aot-benchmark. Parameters are named here as they are
-there, and every one must be there.
+    deaot-encoder.onnx     computes features from an image
+    deaot-remember.onnx    computes a memory from the features and object mask of an image
+    deaot-propagate.onnx   computes logits at a quarter of the image size from features and memories
+    deaot-identify.onnx    computes the object identities to remember for a propagated image
 
-    --size l|tiny       which network; tiny is for tests
-    --random SEED       random weights in place of a checkpoint, for timing
-    --parameters        only prints the name and shape of every parameter
+Use the official checkpoint of https://github.com/yoxu515/aot-benchmark. Parameters have the same names here as in the
+checkpoint. The checkpoint must contain all of them.
 
-Yang, Yang: "Decoupling Features in Hierarchical Propagation for Video Object Segmentation", NeurIPS 2022; Yang, Wei,
-Yang: "Associating Objects with Transformers for Video Object Segmentation", NeurIPS 2021.
+    --size l|tiny       network to export; tiny is for tests
+    --random SEED       use random weights instead of a checkpoint, for timing
+    --parameters        only print the name and shape of every parameter
+
+Yang, Yang: "Decoupling Features in Hierarchical Propagation for Video Object Segmentation", NeurIPS 2022.
+Yang, Wei, Yang: "Associating Objects with Transformers for Video Object Segmentation", NeurIPS 2021.
 """
 
 import argparse
@@ -31,20 +35,20 @@ from gated_propagation import Propagation, grid, tokens
 from resnet import EXPANSION, ResNet
 from torch import nn
 
-OBJECTS = 10  # told apart in one run
+OBJECTS = 10  # number of objects that one run can distinguish
 STRIDE = 16
-DRAWN = (80, 96)  # a picture to trace the networks with, in cells · STRIDE
+DRAWN = (80, 96)  # height and width of the image for tracing, less one pixel; multiples of STRIDE
 
 
 @dataclass(frozen=True)
 class Size:
     """Widths of a network."""
 
-    name: str  # of the files
-    width: int  # of the encoder's first convolution
-    blocks: tuple[int, ...]  # of the encoder's stages
-    channels: int  # of each branch
-    layers: int  # of the propagation
+    name: str  # prefix of the file names
+    width: int  # channels of the encoder's first convolution
+    blocks: tuple[int, ...]  # number of blocks in each encoder stage
+    channels: int  # channels of each branch
+    layers: int  # number of propagation layers
 
     @property
     def key(self):
@@ -52,7 +56,7 @@ class Size:
 
     @property
     def seen(self):
-        """Channels of the encoder's features, finest first."""
+        """Returns the channels of the encoder's features, finest first."""
         return [EXPANSION * self.width * 2**at for at in range(3)]
 
 
@@ -73,7 +77,7 @@ class ConvNorm(nn.Module):
 
 
 class Decoder(nn.Module):
-    """Tokens and the encoder's features to logits [1, 11, height / 4, width / 4]."""
+    """Decodes tokens and encoder features into logits [1, 11, height / 4, width / 4]."""
 
     def __init__(self, size):
         super().__init__()
@@ -110,12 +114,15 @@ class DeAot(nn.Module):
         self.id_norm = nn.LayerNorm(size.channels)
 
     def ids(self, mask):
-        """Which objects cover each cell, [cells, channels]."""
+        """Returns the embedding [cells, channels] of the objects that cover each cell."""
         return self.id_norm(tokens(self.patch_wise_id_bank(mask)))
 
 
 class Encoder(nn.Module):
-    """A picture [1, 3, height, width], each size a multiple of 16 and one more, to features finest first."""
+    """Computes features, finest first, from an image [1, 3, height, width].
+
+    Height and width must be a multiple of 16 plus one.
+    """
 
     def __init__(self, model):
         super().__init__()
@@ -127,7 +134,10 @@ class Encoder(nn.Module):
 
 
 class Remember(nn.Module):
-    """What is kept of a picture whose objects are given, [1, 11, height, width] zeros and ones, the first of nothing."""
+    """Computes the memory of an image from its embedding and object mask.
+
+    The mask [1, 11, height, width] holds zeros and ones. Its first channel is the background.
+    """
 
     def __init__(self, model):
         super().__init__()
@@ -148,7 +158,10 @@ class Remember(nn.Module):
 
 
 class Propagate(nn.Module):
-    """Logits of the objects in a picture, and what `identify` makes its memory of."""
+    """Computes the object logits of an image, and its keys, values and traces.
+
+    `Identify` completes the memory from the traces.
+    """
 
     def __init__(self, model):
         super().__init__()
@@ -168,7 +181,7 @@ class Propagate(nn.Module):
 
 
 class Identify(nn.Module):
-    """Identities to remember of a picture from its mask and the traces that propagation left."""
+    """Computes the identities to remember from the mask of an image and the traces of its propagation."""
 
     def __init__(self, model):
         super().__init__()
@@ -180,12 +193,12 @@ class Identify(nn.Module):
 
 
 def randomise(model, seed):
-    """Weights with which every part has a say in the answer."""
+    """Draws random weights under which every part affects the output."""
     draw = torch.Generator().manual_seed(seed)
     for name, value in model.state_dict().items():
         drawn = torch.randn(value.shape, generator=draw)
         if value.ndim == 1:
-            # Those of norms lie around one, offsets around nothing.
+            # Norm weights and variances lie around one, biases around zero.
             drawn = drawn.clamp(-3, 3) * 0.1 + name.endswith(("weight", "running_var"))
         else:
             drawn = drawn * value[0].numel() ** -0.5
@@ -197,7 +210,7 @@ def layered(layers, *parts):
 
 
 def export(model, size, folder):
-    """Writes the files and gives their paths."""
+    """Writes the files and returns their paths."""
     height, width = (side + 1 for side in DRAWN)
     cells = (height // STRIDE + 1, width // STRIDE + 1)
     paths = [folder / f"{size.name}-{part}.onnx" for part in ("encoder", "remember", "propagate", "identify")]
@@ -225,7 +238,7 @@ def export(model, size, folder):
 
 def write(model, given, path, inputs, outputs, free):
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what the trace takes for constants are constants
+        warnings.simplefilter("ignore")  # values that tracing treats as constants are constant
         torch.onnx.export(
             model.eval(),
             given,
@@ -239,7 +252,7 @@ def write(model, given, path, inputs, outputs, free):
 
 
 def parameters(path):
-    """Of a checkpoint as the official training writes it."""
+    """Returns the parameters of a checkpoint that the official training wrote."""
     state = torch.load(path, map_location="cpu", weights_only=True)
     state = state.get("state_dict", state)
     return {name.removeprefix("module."): value for name, value in state.items()}
@@ -260,11 +273,11 @@ def main():
             print(name, *value.shape)
         return
     if asked.random is not None:
-        # Only the folder is given.
+        # The only positional argument is the output folder.
         asked.checkpoint, asked.out = None, asked.out or asked.checkpoint
         randomise(model, asked.random)
     if asked.out is None:
-        parser.error("give the checkpoint and a folder to write to")
+        parser.error("a checkpoint and an output folder are required")
     if asked.checkpoint is not None:
         try:
             model.load_state_dict(parameters(asked.checkpoint))

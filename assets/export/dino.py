@@ -1,7 +1,9 @@
-"""The transformer of Grounding DINO (see `grounding_dino.py`): cells and tokens look at one another, queries at both.
+"""The transformer of Grounding DINO (see `grounding_dino.py`).
 
-Attention to a few points: Zhu et al.: "Deformable DETR", ICLR 2021; queries chosen among the cells, and boxes refined
-from layer to layer: Zhang et al.: "DINO: DETR with Improved DeNoising Anchor Boxes", ICLR 2023.
+Cells and tokens attend to each other, and queries attend to both.
+
+Deformable attention: Zhu et al.: "Deformable DETR", ICLR 2021. Query selection among the cells, and box refinement in
+every layer: Zhang et al.: "DINO: DETR with Improved DeNoising Anchor Boxes", ICLR 2023.
 """
 
 import math
@@ -10,11 +12,11 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
-POINTS = 4  # that a head looks at in every level
+POINTS = 4  # sampling points of a head in every level
 LEVELS = 4
-# Side of the box that a cell of the finest level proposes, as a share of the picture; the next level's is twice that.
+# Side of the box that a cell of the finest level proposes, as a share of the image. It doubles with every level.
 PROPOSED = 0.05
-# Cells whose proposal lies closer than this to 0 or 1 propose nothing.
+# A cell makes no proposal if a value of its box lies closer than this to 0 or 1.
 MARGIN = 0.01
 
 
@@ -24,7 +26,7 @@ def inverse_sigmoid(x):
 
 
 def sines(x, width, temperature):
-    """Numbers [...] as sines and cosines in turn of `width` / 2 frequencies, [..., width]."""
+    """Encodes numbers [...] as alternating sines and cosines of `width` / 2 frequencies, [..., width]."""
     steps = torch.arange(width // 2) * 2 / width
     angles = x[..., None] * (2 * math.pi / temperature**steps)
     return torch.stack([angles.sin(), angles.cos()], -1).flatten(-2)
@@ -44,7 +46,7 @@ class Mlp(nn.Module):
 
 
 class Attention(nn.Module):
-    """Attention of one batch, parameters as in `torch.nn.MultiheadAttention`."""
+    """Attention for a batch of one, with the parameters of `torch.nn.MultiheadAttention`."""
 
     def __init__(self, width, heads):
         super().__init__()
@@ -54,7 +56,7 @@ class Attention(nn.Module):
         self.out_proj = nn.Linear(width, width)
 
     def forward(self, q, k, v, barred=None):
-        """`barred`: what is added to the scores."""
+        """Returns the attention output. `barred` is added to the scores."""
         parts = zip((q, k, v), self.in_proj_weight.chunk(3), self.in_proj_bias.chunk(3))
         q, k, v = (F.linear(x, *own).unflatten(-1, (self.heads, -1)).transpose(1, 2) for x, *own in parts)
         scores = (q * q.shape[-1] ** -0.5) @ k.transpose(-1, -2)
@@ -64,7 +66,7 @@ class Attention(nn.Module):
 
 
 class DeformableAttention(nn.Module):
-    """Every query looks at a few points around its own place in each level."""
+    """Attention from every query to a few points around its position in each level."""
 
     def __init__(self, width, heads):
         super().__init__()
@@ -75,8 +77,11 @@ class DeformableAttention(nn.Module):
         self.output_proj = nn.Linear(width, width)
 
     def forward(self, x, places, cells, sizes):
-        """`x` [1, queries, width]; `places` [queries, 2], or boxes [queries, 4], as shares of the picture; `cells`
-        [1, cells, width] of all levels, whose (rows, columns) are `sizes`."""
+        """Returns the attention output of the queries `x` [1, queries, width].
+
+        `places` holds points [queries, 2] or boxes [queries, 4] as shares of the image. `cells` [1, cells, width] holds
+        the cells of all levels. `sizes` gives the (rows, columns) of each level.
+        """
         offsets = self.sampling_offsets(x)[0].unflatten(-1, (self.heads, LEVELS, POINTS, 2))
         weights = self.attention_weights(x)[0].unflatten(-1, (self.heads, LEVELS * POINTS)).softmax(-1)
         weights = weights.unflatten(-1, (LEVELS, POINTS)).transpose(0, 1)  # [heads, queries, levels, points]
@@ -97,7 +102,7 @@ class DeformableAttention(nn.Module):
 
 
 class BothWays(nn.Module):
-    """Attention from cells to tokens and from tokens to cells by the same scores."""
+    """Attention from cells to tokens and from tokens to cells with the same scores."""
 
     def __init__(self, width, inner, heads):
         super().__init__()
@@ -154,7 +159,7 @@ class CellLayer(nn.Module):
 
 
 class Encoder(nn.Module):
-    """Cells and tokens look at one another, then each at its own kind."""
+    """Layers in which cells and tokens attend to each other, then each to its own kind."""
 
     def __init__(self, size):
         super().__init__()
@@ -189,7 +194,7 @@ class QueryLayer(nn.Module):
 
 
 class Decoder(nn.Module):
-    """Queries and their boxes look at cells and tokens; every layer refines the boxes."""
+    """Layers in which queries attend to cells and tokens. Every layer refines the boxes."""
 
     def __init__(self, size, box_heads):
         super().__init__()
@@ -199,7 +204,7 @@ class Decoder(nn.Module):
         self.bbox_embed = box_heads
 
     def forward(self, x, boxes, cells, sizes, tokens):
-        """Queries [1, queries, width] and their boxes [queries, 4] after the last layer."""
+        """Returns the queries [1, queries, width] and their boxes [queries, 4] after the last layer."""
         for layer, box_head in zip(self.layers, self.bbox_embed):
             around = sines(boxes, x.shape[-1] // 2, 10000)  # [queries, 4, width / 2]
             embedded = self.ref_point_head(around[:, [1, 0, 2, 3]].flatten(1))[None]
@@ -211,14 +216,14 @@ class Decoder(nn.Module):
 
 
 def grid(rows, columns):
-    """Middles of cells as shares of the picture [rows · columns, 2]: across, down."""
+    """Returns the centres (x, y) of all cells as shares of the image, [rows · columns, 2]."""
     middles = [(torch.arange(count) + 0.5) / count for count in (rows, columns)]
     down, across = torch.meshgrid(*middles, indexing="ij")
     return torch.stack([across, down], -1).flatten(0, 1)
 
 
 def embedding_of_grid(rows, columns, width):
-    """Rows and columns, counted from one, as sines [rows · columns, width]."""
+    """Returns the position embeddings of all cells, [rows · columns, width]. Rows and columns count from one."""
     share = lambda count: (torch.arange(count) + 1) / (count + 1e-6)  # noqa: E731
     down, across = (sines(share(count), width // 2, 20) for count in (rows, columns))
     down = down[:, None].expand(-1, columns, -1)
@@ -239,8 +244,10 @@ class Transformer(nn.Module):
         self.enc_out_bbox_embed = Mlp(size.width, size.width, size.width, 4)
 
     def forward(self, levels, tokens, positions, barred):
-        """`levels`: features [1, width, rows, columns] from fine to coarse; `tokens` [1, tokens, width]. Gives queries,
-        their boxes and the tokens."""
+        """Returns the queries, their boxes and the tokens.
+
+        `levels` holds features [1, width, rows, columns] from fine to coarse. `tokens` is [1, tokens, width].
+        """
         sizes = [(level.shape[2], level.shape[3]) for level in levels]
         cells = torch.cat([level.flatten(2).transpose(1, 2) for level in levels], 1)
         embedded = [embedding_of_grid(*of, cells.shape[-1]) + own for of, own in zip(sizes, self.level_embed)]
@@ -252,12 +259,12 @@ class Transformer(nn.Module):
         return x, boxes, tokens
 
     def chosen(self, cells, places, tokens):
-        """Boxes of the cells that fit any token best [queries, 4], the best first."""
+        """Returns the boxes [queries, 4] of the cells with the best score for any token, best first."""
         side = lambda at, level: torch.full_like(at, PROPOSED * 2**level)  # noqa: E731
         proposed = torch.cat([torch.cat([at, side(at, level)], -1) for level, at in enumerate(places)])
         is_within = ((proposed > MARGIN) & (proposed < 1 - MARGIN)).all(-1, keepdim=True)
         cells = self.enc_output_norm(self.enc_output(cells[0] * is_within))
         best = (cells @ tokens[0].transpose(0, 1)).max(-1).values.topk(self.queries).indices
-        # Of cells that propose nothing the box is the whole picture's lower right corner.
+        # For cells without a proposal, all four box values are 1: the centre is the lower right corner of the image.
         proposed = (proposed / (1 - proposed)).log().masked_fill(~is_within, math.inf)
         return (proposed[best] + self.enc_out_bbox_embed(cells[best])).sigmoid()

@@ -1,6 +1,7 @@
-"""The gated propagation module of DeAOT: what a picture shows and which object it is travel in two branches.
+"""The gated propagation module of DeAOT.
 
-Tokens are [cells, channels], the cells of a grid of `height · width` row by row.
+One branch carries the appearance of the image, the other the identity of the objects. Tokens have the shape
+[cells, channels], with the cells of a `height · width` grid in row order.
 
 Yang, Yang: "Decoupling Features in Hierarchical Propagation for Video Object Segmentation", NeurIPS 2022.
 """
@@ -11,14 +12,15 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
-REACH = 7  # cells that an object may move from one picture to the next
+REACH = 7  # cells that an object may move between two images
 WINDOW = 2 * REACH + 1
-FAR = -1e8  # score of cells beyond the reach
-PARTS = 4  # in which a long memory is asked: its scores of all queries at once would be the largest tensor by far
+FAR = -1e8  # score of cells outside the window
+# Chunks of queries for the long-term memory. The scores of all queries at once would be by far the largest tensor.
+PARTS = 4
 
 
 def grid(tokens, size):
-    """As [1, channels, height, width]."""
+    """Returns tokens as a grid [1, channels, height, width]."""
     return tokens.transpose(0, 1).reshape(1, tokens.shape[1], *size)
 
 
@@ -36,20 +38,20 @@ class DepthwiseConv(nn.Module):
 
 
 def attend(q, k, values, bias=0):
-    """What each query sees: for every tensor of `values` the mean, weighted by how alike query and key are."""
+    """Returns the attention output of each query for every tensor of `values`, concatenated."""
     scores = (q * q.shape[-1] ** -0.5) @ k.transpose(0, 1)
     weights = (scores + bias).softmax(-1)
     return torch.cat([weights @ value for value in values], -1)
 
 
 def spread(near, size):
-    """Scores [cells, 15 · 15] of the cells around each cell as [cells, cells], `FAR` for the others.
+    """Expands the window scores of each cell [cells, 15 · 15] to [cells, cells]. Other cells get the score `FAR`.
 
-    A row of a window begins one cell further to the right for every cell further to the right: rows are filled up so
-    that each is one longer than the distance between two.
+    The window of the next cell begins one cell later. `skew` therefore pads every row to one element more than a row
+    of the reshaped tensor. This shifts each row by one more element than the row before.
     """
     height, width = size
-    near = near.reshape(height, width, WINDOW, WINDOW).transpose(1, 2)  # y, window's row, x, window's column
+    near = near.reshape(height, width, WINDOW, WINDOW).transpose(1, 2)  # y, window row, x, window column
     near = skew(near.reshape(height * WINDOW, width, WINDOW), width)
     near = near.reshape(height, WINDOW, width * width)
     near = near.permute(2, 0, 1)
@@ -59,13 +61,13 @@ def spread(near, size):
 
 
 def skew(windows, count):
-    """[n, count, 15] to [n, count, count]: what lay at `j` of row `i` lies at `i + j - 7`."""
+    """Turns [n, count, 15] into [n, count, count]: element `j` of row `i` moves to `i + j - 7`."""
     filled = F.pad(windows, (0, count), value=FAR).flatten(1)
     return filled[:, :-count].reshape(-1, count, count + WINDOW - 1)[:, :, REACH:-REACH]
 
 
 class MemoryAttention(nn.Module):
-    """Looks into the memory of any number of pictures."""
+    """Attention to the memory of any number of images."""
 
     def __init__(self, size):
         super().__init__()
@@ -83,7 +85,7 @@ class MemoryAttention(nn.Module):
 
 
 class NearAttention(MemoryAttention):
-    """Looks at the cells around the same place in one picture."""
+    """Attention to the cells around the same position in one image."""
 
     def __init__(self, size):
         super().__init__(size)
@@ -110,7 +112,7 @@ class SelfAttention(MemoryAttention):
 
 
 class Layer(nn.Module):
-    """One step of both branches. Memory is (key, value, identity) tokens."""
+    """One step of both branches. A memory holds (key, value, identity) tokens."""
 
     def __init__(self, size, is_first):
         super().__init__()
@@ -132,11 +134,14 @@ class Layer(nn.Module):
         self.self_attn = SelfAttention(size)
 
     def identity(self, trace, ids):
-        """What of the objects' identities is kept of a picture, from the layer's trace of it; the first has none."""
+        """Returns the identities to remember for an image, from this layer's trace. The first layer has no trace."""
         return F.silu(self.linear_ID_V(ids if self.is_first else torch.cat([trace, ids], -1)))
 
     def forward(self, what, which, memory, size):
-        """`memory(key, value, trace)` gives the long-term and the short-term memory. Gives both branches and that."""
+        """Returns both branches, and the (key, value, trace) of this layer.
+
+        `memory(key, value, trace)` returns the long-term and the short-term memory.
+        """
         near = self.norm1(what)
         key, value = self.linear_QV(near).split([self.key, self.linear_U.out_features], -1)
         value, gate = F.silu(value), F.silu(self.linear_U(near))
@@ -159,7 +164,7 @@ class Layer(nn.Module):
 
 
 class TokenNorm(nn.Module):
-    """Normalises each branch over all its cells."""
+    """Normalises each branch over all cells."""
 
     def __init__(self, channels):
         super().__init__()
@@ -176,7 +181,10 @@ class Propagation(nn.Module):
         self.decoder_norms = nn.ModuleList([TokenNorm(2 * size.channels)])
 
     def forward(self, embedding, memories):
-        """Tokens of both branches, and the key, value and trace of every layer. `memories[layer]` as a layer asks."""
+        """Returns the tokens of both branches, and the key, value and trace of every layer.
+
+        `memories` holds the `memory` argument of each layer.
+        """
         what, which, size = tokens(embedding), None, embedding.shape[2:]
         kept = []
         for layer, memory in zip(self.layers, memories, strict=True):

@@ -1,16 +1,17 @@
 #!/usr/bin/env python3
-"""Grounding DINO as the ONNX file that `ostra models add grounding-dino grounding-dino.onnx vocab.txt` takes.
+"""Exports Grounding DINO to the ONNX file that `ostra models add grounding-dino` takes.
 
     pip install torch onnx
-    python3 assets/export/grounding_dino.py groundingdino_swint_ogc.pth OUT      OUT/grounding-dino.onnx
+    python3 assets/export/grounding_dino.py groundingdino_swint_ogc.pth OUT      # OUT/grounding-dino.onnx
+    ostra models add grounding-dino OUT/grounding-dino.onnx vocab.txt
 
-The checkpoint is the official one of https://github.com/IDEA-Research/GroundingDINO (Swin-T, OGC); `vocab.txt` is that
-of https://huggingface.co/google-bert/bert-base-uncased, 30522 lines. Parameters are named here as they are in the
-checkpoint, and every one must be there.
+Use the official checkpoint of https://github.com/IDEA-Research/GroundingDINO (Swin-T, OGC). `vocab.txt` is the file of
+https://huggingface.co/google-bert/bert-base-uncased with 30522 lines. Parameters have the same names here as in the
+checkpoint. The checkpoint must contain all of them.
 
-    --size swin-t|tiny    which network; tiny is for tests
-    --random SEED         random weights in place of a checkpoint, for timing
-    --parameters          only prints the name and shape of every parameter
+    --size swin-t|tiny    network to export; tiny is for tests
+    --random SEED         use random weights instead of a checkpoint, for timing
+    --parameters          only print the name and shape of every parameter
 
 Liu et al.: "Grounding DINO: Marrying DINO with Grounded Pre-Training for Open-Set Object Detection", ECCV 2024.
 """
@@ -27,8 +28,8 @@ from dino import Mlp, Transformer
 from swin import Swin
 from torch import nn
 
-GROUPS = 32  # that the norms of the levels see
-# What the checkpoint holds beside: labels of training, and places of tokens, counted.
+GROUPS = 32  # channel groups in the norms of the levels
+# Unused entries of the checkpoint: training labels, and the indices of token positions.
 UNUSED = ("label_enc.weight", "bert.embeddings.position_ids")
 
 
@@ -36,14 +37,14 @@ UNUSED = ("label_enc.weight", "bert.embeddings.position_ids")
 class Size:
     """Widths of a network."""
 
-    name: str  # of the file
+    name: str  # file name without the extension
     queries: int
-    width: int  # of the transformer
+    width: int  # channels of the transformer
     hidden: int
     heads: int
-    depth: int  # of its encoder and its decoder
-    swin: tuple  # width, depths, heads, cells along a window
-    bert: tuple  # width, depth, heads, hidden, words, places
+    depth: int  # number of layers in the encoder, and in the decoder
+    swin: tuple  # width, depths, heads, window side in cells
+    bert: tuple  # width, depth, heads, hidden width, vocabulary size, positions
 
 
 SIZES = {
@@ -61,20 +62,25 @@ SIZES = {
 
 
 def level(width_in, width, side):
-    """The coarsest level is made of the last but one by steps of two cells."""
+    """Returns the projection of one level. The coarsest one halves the last backbone features."""
     fold = nn.Conv2d(width_in, width, 3, 2, 1) if side == 3 else nn.Conv2d(width_in, width, 1)
     return nn.Sequential(fold, nn.GroupNorm(GROUPS, width))
 
 
 class GroundingDino(nn.Module):
-    """A picture [1, 3, height, width], normalised, and tokens [1, tokens] with their places in their phrases and which
-    attends to which [1, tokens, tokens] (1 or 0) to what every query says of every token, as logits
-    [1, queries, tokens], and boxes [1, queries, 4]: middle, width and height as shares of the picture."""
+    """Detects objects that match the phrases of a caption.
+
+    Inputs are a normalised image [1, 3, height, width] and tokens [1, tokens]. `position_ids` is the position of each
+    token in its phrase. `attention_mask` [1, tokens, tokens] is 1 where one token attends to another, else 0.
+
+    Outputs are the logits of every query for every token [1, queries, tokens], and boxes [1, queries, 4]. A box holds
+    centre, width and height as shares of the image.
+    """
 
     def __init__(self, size):
         super().__init__()
         box_head = Mlp(size.width, size.width, size.width, 4)
-        # Every layer's is the same; the checkpoint names it once for each and twice over.
+        # All layers share one box head. The checkpoint stores it under two names per layer.
         self.bbox_embed = nn.ModuleList([box_head] * size.depth)
         self.transformer = Transformer(size, self.bbox_embed)
         self.bert = Bert(*size.bert)
@@ -95,7 +101,7 @@ class GroundingDino(nn.Module):
 
 
 def randomise(model, size, seed):
-    """Weights with which every part has a say in the answer."""
+    """Draws random weights under which every part affects the output."""
     draw = torch.Generator().manual_seed(seed)
     done = set()
     for name, value in model.state_dict().items():
@@ -104,28 +110,28 @@ def randomise(model, size, seed):
         done.add(value.data_ptr())
         drawn = torch.randn(value.shape, generator=draw)
         if value.ndim == 1:
-            # Those of norms and of what is added to a residual lie around one, offsets around nothing.
+            # Norm weights and residual scales lie around one, biases around zero.
             is_scale = "norm" in name.lower() and name.endswith("weight") or "gamma" in name
             is_scale = is_scale or "input_proj" in name and name.endswith("1.weight")
             drawn = drawn * 0.1 + is_scale
         elif "embed" not in name or "bbox_embed" in name:
             drawn = drawn * value[0].numel() ** -0.5
         if "bbox_embed" in name and "layers.2" in name:
-            drawn = drawn * 0.5  # boxes that stay in the picture
+            drawn = drawn * 0.5  # keeps boxes inside the image
         if name.startswith(("transformer.decoder.norm", f"transformer.encoder.text_layers.{size.depth - 1}.norm2")):
-            drawn = drawn * size.width**-0.25  # logits around one
+            drawn = drawn * size.width**-0.25  # keeps logits around one
         value.copy_(drawn)
 
 
 def load(model, path):
-    """The checkpoint's parameters, every one."""
+    """Loads all parameters of a checkpoint into the model."""
     state = torch.load(path, map_location="cpu", weights_only=True)
     state = {name.removeprefix("module."): value for name, value in state.get("model", state).items()}
     model.load_state_dict({name: value for name, value in state.items() if name not in UNUSED})
 
 
 def export(model, size, folder):
-    """Writes the file and gives its path."""
+    """Writes the file and returns its path."""
     path = folder / f"{size.name}.onnx"
     given = {
         "image": torch.zeros(1, 3, 416, 608),
@@ -141,7 +147,7 @@ def export(model, size, folder):
         "logits": {2: "tokens"},
     }
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # sizes that the trace takes for constants are constants
+        warnings.simplefilter("ignore")  # sizes that tracing treats as constants are constant
         torch.onnx.export(
             model.eval(),
             tuple(given.values()),
@@ -171,11 +177,11 @@ def main():
         return
     with torch.no_grad():
         if asked.random is not None:
-            # Only the folder is given.
+            # The only positional argument is the output folder.
             asked.checkpoint, asked.out = None, asked.out or asked.checkpoint
             randomise(model, size, asked.random)
         if asked.out is None:
-            parser.error("give the checkpoint and a folder to write to")
+            parser.error("a checkpoint and an output folder are required")
         if asked.checkpoint is not None:
             try:
                 load(model, asked.checkpoint)

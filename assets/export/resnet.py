@@ -1,4 +1,4 @@
-"""The picture encoder of DeAOT: ResNet-50 up to its third stage, a sixteenth of the picture's size.
+"""The image encoder of DeAOT: ResNet-50 up to its third stage, at a sixteenth of the image size.
 
 He, Zhang, Ren, Sun: "Deep Residual Learning for Image Recognition", CVPR 2016.
 """
@@ -12,7 +12,7 @@ STRIDES = (1, 2, 2)
 
 
 class FrozenNorm(nn.Module):
-    """Batch normalisation with the statistics of training."""
+    """Batch normalisation with fixed statistics from training."""
 
     def __init__(self, channels):
         super().__init__()
@@ -52,7 +52,7 @@ def stage(channels, width, blocks, stride):
 
 
 class ResNet(nn.Module):
-    """A picture to features at a quarter, an eighth and a sixteenth of its size."""
+    """Computes features of an image at a quarter, an eighth and a sixteenth of its size."""
 
     def __init__(self, width, blocks):
         super().__init__()

@@ -1,19 +1,23 @@
 #!/usr/bin/env python3
-"""Segment Anything as the two ONNX files that `ostra models add sam-vit-b ENCODER DECODER` takes.
+"""Exports Segment Anything to the two ONNX files that `ostra models add sam-vit-b` takes.
 
     pip install torch onnx
-    python3 assets/export/sam.py sam_vit_b_01ec64.pth OUT            OUT/sam-vit-b-encoder.onnx, OUT/sam-vit-b-decoder.onnx
-    python3 assets/export/sam.py mobile_sam.pt OUT --size mobile     OUT/mobile-sam-encoder.onnx, OUT/mobile-sam-decoder.onnx
+    python3 assets/export/sam.py sam_vit_b_01ec64.pth OUT
+    ostra models add sam-vit-b OUT/sam-vit-b-encoder.onnx OUT/sam-vit-b-decoder.onnx
 
-The checkpoints are the official ones of https://github.com/facebookresearch/segment-anything and
-https://github.com/ChaoningZhang/MobileSAM. Parameters are named here as they are there, and every one must be there.
+    # MobileSAM: OUT/mobile-sam-encoder.onnx, OUT/mobile-sam-decoder.onnx
+    python3 assets/export/sam.py mobile_sam.pt OUT --size mobile
 
-    --size vit-b|mobile|tiny    which network; tiny is for tests
-    --random SEED               random weights in place of a checkpoint, for timing
-    --parameters                only prints the name and shape of every parameter
+Use the official checkpoints of https://github.com/facebookresearch/segment-anything and
+https://github.com/ChaoningZhang/MobileSAM. Parameters have the same names here as in the checkpoints. A checkpoint must
+contain all of them.
 
-Kirillov et al.: "Segment Anything", ICCV 2023; the picture encoder is that of Li, Mao, Girshick, He: "Exploring Plain
-Vision Transformer Backbones for Object Detection", ECCV 2022.
+    --size vit-b|mobile|tiny    network to export; tiny is for tests
+    --random SEED               use random weights instead of a checkpoint, for timing
+    --parameters                only print the name and shape of every parameter
+
+Kirillov et al.: "Segment Anything", ICCV 2023. Image encoder: Li, Mao, Girshick, He: "Exploring Plain Vision
+Transformer Backbones for Object Detection", ECCV 2022.
 """
 
 import argparse
@@ -39,15 +43,15 @@ MASK_CHANNELS = 16
 class Size:
     """Widths of a network."""
 
-    name: str  # of the files
-    side: int  # pixels of the square that the encoder sees
-    channels: int  # of the embedding
-    mlp: int  # of the decoder
-    score: int  # of the head that predicts the IoU
-    width: int = 0  # of the encoder; 0 for that of MobileSAM
+    name: str  # prefix of the file names
+    side: int  # side of the encoder's square input, in pixels
+    channels: int  # channels of the embedding
+    mlp: int  # hidden width of the decoder's layers
+    score: int  # hidden width of the head that predicts the IoU
+    width: int = 0  # channels of the encoder; 0 selects the encoder of MobileSAM
     depth: int = 0
     heads: int = 0
-    whole: tuple[int, ...] = ()  # blocks that attend to the whole picture; the others to windows
+    whole: tuple[int, ...] = ()  # blocks with attention to the whole image; the others use windows
     window: int = 0  # cells
 
     @property
@@ -87,7 +91,7 @@ class Mlp(nn.Module):
 
 
 class CellAttention(nn.Module):
-    """Attention among the cells of a square, with learned offsets for the distance in rows and in columns."""
+    """Attention among the cells of a square, with learned biases for the distance in rows and in columns."""
 
     def __init__(self, width, heads, cells):
         super().__init__()
@@ -103,7 +107,7 @@ class CellAttention(nn.Module):
         qkv = self.qkv(x).reshape(squares, n * n, 3, self.heads, head).permute(2, 3, 0, 1, 4)
         apart = torch.arange(n)[:, None] - torch.arange(n)[None, :] + n - 1
         rows, columns = self.rel_pos_h[apart], self.rel_pos_w[apart]  # [from, to, head]
-        # One head after the other: all scores at once are the largest tensor by far.
+        # One head at a time, because all scores at once would be by far the largest tensor.
         heads = range(self.heads)
         out = [self.one_head(qkv[0, at], qkv[1, at], qkv[2, at], rows, columns) for at in heads]
         return self.proj(torch.cat(out, -1).reshape(squares, n, n, width))
@@ -134,7 +138,7 @@ class EncoderBlock(nn.Module):
         return x + self.mlp(self.norm2(x))
 
     def in_windows(self, x):
-        """The last windows are filled up with zeros."""
+        """Applies attention in windows. Zeros pad the last windows."""
         n, w, width = self.cells, self.window, x.shape[-1]
         count = -(-n // w)
         x = F.pad(x, (0, 0, 0, count * w - n, 0, count * w - n))
@@ -162,7 +166,7 @@ def neck(width, channels):
 
 
 class ImageEncoder(nn.Module):
-    """A picture [1, 3, side, side] to its embedding [1, channels, cells, cells]."""
+    """Computes the embedding [1, channels, cells, cells] of an image [1, 3, side, side]."""
 
     def __init__(self, size):
         super().__init__()
@@ -179,7 +183,7 @@ class ImageEncoder(nn.Module):
 
 
 class Waves(nn.Module):
-    """Places in 0..1 as sines and cosines of random frequencies."""
+    """Encodes positions between 0 and 1 as sines and cosines of random frequencies."""
 
     def __init__(self, channels):
         super().__init__()
@@ -195,7 +199,7 @@ class PromptEncoder(nn.Module):
         super().__init__()
         self.side, self.cells = size.side, size.cells
         self.pe_layer = Waves(size.channels)
-        # Of exclude clicks, include clicks, upper left and lower right corners of boxes.
+        # Embeddings of exclude clicks, include clicks, and the upper left and lower right corners of boxes.
         self.point_embeddings = nn.ModuleList(nn.Embedding(1, size.channels) for _ in range(4))
         self.not_a_point_embed = nn.Embedding(1, size.channels)
         self.mask_downscaling = nn.Sequential(
@@ -222,14 +226,14 @@ class PromptEncoder(nn.Module):
         return is_given * self.mask_downscaling(mask) + (1 - is_given) * nothing
 
     def grid(self):
-        """Where every cell of the embedding is, [1, cells · cells, channels]."""
+        """Returns the position encoding of every cell of the embedding, [1, cells · cells, channels]."""
         middles = (torch.arange(self.cells) + 0.5) / self.cells
         rows, columns = torch.meshgrid(middles, middles, indexing="ij")
         return self.pe_layer(torch.stack([columns, rows], -1)).reshape(1, self.cells**2, -1)
 
 
 class Attention(nn.Module):
-    """Attention whose inner width is `width // shrink`."""
+    """Attention with the inner width `width // shrink`."""
 
     def __init__(self, width, shrink=1):
         super().__init__()
@@ -320,7 +324,7 @@ class MaskDecoder(nn.Module):
         self.iou_prediction_head = Head(width, size.score, MASK_TOKENS)
 
     def forward(self, embedding, cell_places, sparse, dense):
-        """Logits [1, 4, 4 · cells, 4 · cells] and the IoU predicted for each."""
+        """Returns mask logits [1, 4, 4 · cells, 4 · cells] and the predicted IoU of each mask."""
         own = torch.cat([self.iou_token.weight, self.mask_tokens.weight])[None]
         cells = (embedding + dense).flatten(2).transpose(1, 2)
         tokens, cells = self.transformer(torch.cat([own, sparse], 1), cells, cell_places)
@@ -341,7 +345,7 @@ class Sam(nn.Module):
 
 
 class PromptedDecoder(nn.Module):
-    """From an embedding and prompts to masks, with the inputs and outputs of the official export."""
+    """Computes masks from an embedding and prompts, with the inputs and outputs of the official export."""
 
     def __init__(self, sam, size):
         super().__init__()
@@ -354,7 +358,7 @@ class PromptedDecoder(nn.Module):
         return self.at_size(low, orig_im_size), scores, low
 
     def at_size(self, low, size):
-        """At the size of the picture, without the padding."""
+        """Returns masks at the size of the image, without the padding."""
         shown = (size * (self.side / size.max()) + 0.5).floor().to(torch.int64)
         size = size.to(torch.int64)
         masks = F.interpolate(low, (self.side, self.side), mode="bilinear", align_corners=False)
@@ -363,14 +367,14 @@ class PromptedDecoder(nn.Module):
 
 
 def randomise(model, seed):
-    """Weights with which every part has a say in the answer."""
+    """Draws random weights under which every part affects the output."""
     draw = torch.Generator().manual_seed(seed)
     for name, value in model.state_dict().items():
         if not value.is_floating_point():
-            continue  # how many batches a norm saw
+            continue  # number of batches that a norm has seen
         drawn = torch.randn(value.shape, generator=draw)
         if value.ndim == 1:
-            # Those of norms lie around one, offsets around nothing.
+            # Norm weights and variances lie around one, biases around zero.
             drawn = drawn * 0.1 + name.endswith(("weight", "running_var"))
         elif value.shape[0] > 4 or value.ndim == 4 and value.shape[0] > 1:
             drawn = drawn * value[0].numel() ** -0.5
@@ -378,7 +382,7 @@ def randomise(model, seed):
 
 
 def export(model, size, folder):
-    """Writes both files and gives their paths."""
+    """Writes both files and returns their paths."""
     encoder, decoder = (folder / f"{size.name}-{part}.onnx" for part in ("encoder", "decoder"))
     image = torch.zeros(1, 3, size.side, size.side)
     write(model.image_encoder, (image,), encoder, ["image"], ["image_embeddings"], {})
@@ -399,7 +403,7 @@ def export(model, size, folder):
 
 def write(model, given, path, inputs, outputs, free):
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # sizes that the trace takes for constants are constants
+        warnings.simplefilter("ignore")  # sizes that tracing treats as constants are constant
         torch.onnx.export(
             model.eval(),
             given,
@@ -427,11 +431,11 @@ def main():
             print(name, *value.shape)
         return
     if asked.random is not None:
-        # Only the folder is given.
+        # The only positional argument is the output folder.
         asked.checkpoint, asked.out = None, asked.out or asked.checkpoint
         randomise(model, asked.random)
     if asked.out is None:
-        parser.error("give the checkpoint and a folder to write to")
+        parser.error("a checkpoint and an output folder are required")
     if asked.checkpoint is not None:
         try:
             model.load_state_dict(torch.load(asked.checkpoint, map_location="cpu", weights_only=True))

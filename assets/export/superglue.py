@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""SuperPoint and SuperGlue for OSTRA: from an official checkpoint to the ONNX file that the program loads.
+"""Exports an official SuperPoint or SuperGlue checkpoint to the ONNX file that OSTRA loads.
 
     pip install torch onnx
     python3 superglue.py superpoint_v1.pth     OUT       # superpoint.onnx
@@ -8,15 +8,15 @@
     ostra models add superpoint OUT/superpoint.onnx
     ostra models add superglue-outdoor OUT/superglue-outdoor.onnx
 
-The modules carry the official checkpoints' parameter names, so that every weight must find its place. What needs no
-weights is the program's: choosing the keypoints, reading the descriptors between the cells, optimal transport.
+Parameters have the same names here as in the official checkpoints. A checkpoint must contain all of them. OSTRA itself
+runs the steps without weights: keypoint selection, descriptor interpolation and optimal transport.
 
 DeTone, Malisiewicz, Rabinovich: "SuperPoint: Self-Supervised Interest Point Detection and Description", CVPRW 2018.
 Sarlin, DeTone, Malisiewicz, Rabinovich: "SuperGlue: Learning Feature Matching with Graph Neural Networks", CVPR 2020.
 Both checkpoints may be used for non-commercial research only.
 
-    --size tiny --random SEED   seeded random weights instead of a checkpoint, of a small network for tests
-    --parameters                only print the names and shapes of all parameters
+    --size tiny --random SEED   use a small network with seeded random weights instead of a checkpoint, for tests
+    --parameters                only print the name and shape of every parameter
 """
 
 import argparse
@@ -34,15 +34,15 @@ from torch.nn import functional as F
 class Size:
     """Widths of the two networks."""
 
-    # Of SuperPoint's four blocks, then of its two heads.
+    # Channels of the four blocks of SuperPoint, and of its two heads.
     blocks: tuple
     head: int
-    # Of a descriptor, thus of SuperGlue.
+    # Channels of a descriptor, and of SuperGlue.
     descriptor: int
-    # Of the layers between a keypoint's place and score and its descriptor.
+    # Channels of the layers that encode the position and score of a keypoint.
     keypoint: tuple
     heads: int
-    # Rounds of attention, each within a picture and then between the two.
+    # Rounds of attention, first within each image and then between the two images.
     rounds: int
 
 
@@ -50,12 +50,15 @@ SIZES = {
     "official": Size((64, 64, 128, 128), 256, 256, (32, 64, 128, 256), 4, 9),
     "tiny": Size((8, 8, 12, 16), 24, 16, (8, 12), 2, 2),
 }
-# Pixels of a cell and "no keypoint here".
+# One score for each pixel of an 8 × 8 cell, and one for "no keypoint".
 CHANNELS = 65
 
 
 class SuperPoint(nn.Module):
-    """Grey picture [1, 1, H, W] in 0-1, sides multiples of 8 → logits [1, 65, H/8, W/8], descriptors [1, D, H/8, W/8]."""
+    """Computes keypoint logits [1, 65, H/8, W/8] and descriptors [1, D, H/8, W/8].
+
+    The input is a grey image [1, 1, H, W] with values from 0 to 1. H and W must be multiples of 8.
+    """
 
     def __init__(self, size):
         super().__init__()
@@ -82,7 +85,7 @@ class SuperPoint(nn.Module):
 
 
 def perceptron(widths):
-    """Layers applied to every keypoint alike."""
+    """Returns layers that process every keypoint separately."""
     layers = []
     for before, after in zip(widths, widths[1:]):
         layers += [nn.Conv1d(before, after, 1), nn.BatchNorm1d(after), nn.ReLU()]
@@ -99,7 +102,7 @@ class KeypointEncoder(nn.Module):
 
 
 class Attention(nn.Module):
-    """The channels of a head are interleaved with those of the others."""
+    """Attention whose heads have interleaved channels."""
 
     def __init__(self, size):
         super().__init__()
@@ -141,8 +144,11 @@ class Layers(nn.Module):
 
 
 class SuperGlue(nn.Module):
-    """Keypoints [1, N, 2], scores [1, N] and descriptors [1, N, D] of two pictures → how well each two agree [1, N, M]
-    and the agreement [1] from which on a keypoint has a partner. Keypoints: (pixel − size / 2) / (0.7 · longer side)."""
+    """Computes the agreement [1, N, M] of the keypoints of two images.
+
+    Inputs are keypoints [1, N, 2], scores [1, N] and descriptors [1, N, D] of both images. Keypoints are normalised:
+    (pixel − size / 2) / (0.7 · longer side). The second output [1] is the least agreement of two partners.
+    """
 
     def __init__(self, size):
         super().__init__()
@@ -164,7 +170,7 @@ def build(network, size):
 
 
 def randomise(model, seed):
-    """Weights whose answers vary from place to place."""
+    """Draws random weights under which the outputs vary across an image."""
     generator = torch.Generator().manual_seed(seed)
     for module in model.modules():
         if isinstance(module, (nn.Conv1d, nn.Conv2d)):
@@ -193,7 +199,7 @@ def export(model, network, size, path):
             }
         free = {name: {1: "first" if name.endswith("0") else "second"} for name in given} | outputs
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # sizes that the trace takes for constants are constants
+        warnings.simplefilter("ignore")  # sizes that tracing treats as constants are constant
         torch.onnx.export(
             model.eval(),
             tuple(given.values()),
@@ -224,11 +230,11 @@ def main():
             print(name, *value.shape)
         return
     if asked.random is not None:
-        # Only the folder is given.
+        # The only positional argument is the output folder.
         asked.checkpoint, asked.out = None, asked.out or asked.checkpoint
         randomise(model, asked.random)
     if asked.out is None:
-        parser.error("give the checkpoint and a folder to write to")
+        parser.error("a checkpoint and an output folder are required")
     if asked.checkpoint is not None:
         try:
             model.load_state_dict(torch.load(asked.checkpoint, map_location="cpu", weights_only=True))

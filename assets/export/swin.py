@@ -1,4 +1,4 @@
-"""The Swin Transformer, the picture encoder of Grounding DINO (see `grounding_dino.py`).
+"""The Swin Transformer, the image encoder of Grounding DINO (see `grounding_dino.py`).
 
 Liu et al.: "Swin Transformer: Hierarchical Vision Transformer using Shifted Windows", ICCV 2021.
 """
@@ -8,12 +8,12 @@ import torch.nn.functional as F
 from torch import nn
 
 PATCH = 4
-# Added to the scores of cells that lie together in a window but not in the picture.
+# Added to the scores of two cells that share a window but are not neighbours in the image.
 APART = -100.0
 
 
 class WindowAttention(nn.Module):
-    """Attention among the cells of a window, with a learned offset for every distance."""
+    """Attention among the cells of a window, with a learned bias for every distance."""
 
     def __init__(self, width, heads, window):
         super().__init__()
@@ -27,7 +27,10 @@ class WindowAttention(nn.Module):
         self.proj = nn.Linear(width, width)
 
     def forward(self, x, apart):
-        """`x` [windows, cells, width]; `apart` [windows, cells, cells] or none."""
+        """Returns the attention output of `x` [windows, cells, width].
+
+        `apart` [windows, cells, cells], if not None, is added to the scores.
+        """
         head = x.shape[-1] // self.heads
         q, k, v = self.qkv(x).reshape(-1, self.cells, 3, self.heads, head).permute(2, 0, 3, 1, 4).unbind()
         offsets = self.relative_position_bias_table[self.relative_position_index.flatten()]
@@ -49,14 +52,14 @@ class Mlp(nn.Module):
 
 
 def windows_of(x, window):
-    """[rows, columns, width] to [windows, cells, width]."""
+    """Splits cells [rows, columns, width] into windows [windows, cells, width]."""
     rows, columns, width = x.shape
     x = x.reshape(rows // window, window, columns // window, window, width).transpose(1, 2)
     return x.reshape(-1, window * window, width)
 
 
 def apart_after_shift(rows, columns, window, shift):
-    """Which cells of a window came together only by the shift, as what is added to their scores."""
+    """Returns `APART` for pairs of cells that share a window only because of the shift, and 0 for other pairs."""
     part = lambda at, count: (at >= count - window).long() + (at >= count - shift).long()  # noqa: E731
     rows, columns = part(torch.arange(rows), rows), part(torch.arange(columns), columns)
     parts = windows_of((3 * rows[:, None] + columns[None, :])[:, :, None], window)[:, :, 0]
@@ -77,7 +80,7 @@ class Block(nn.Module):
         return x + self.mlp(self.norm2(x))
 
     def in_windows(self, x):
-        """The last windows are filled up with zeros."""
+        """Applies attention in windows. Zeros pad the last windows."""
         (rows, columns, width), w, shift = x.shape, self.window, self.shift
         x = F.pad(x, (0, 0, 0, -columns % w, 0, -rows % w))
         full_rows, full_columns = x.shape[0], x.shape[1]
@@ -94,7 +97,7 @@ class Block(nn.Module):
 
 
 class PatchMerging(nn.Module):
-    """Four cells to one of twice the width."""
+    """Merges four cells into one of twice the width."""
 
     def __init__(self, width):
         super().__init__()
@@ -126,14 +129,14 @@ class PatchEmbed(nn.Module):
         self.norm = nn.LayerNorm(width)
 
     def forward(self, image):
-        """[1, 3, height, width] to [rows, columns, width]."""
+        """Turns an image [1, 3, height, width] into cells [rows, columns, width]."""
         rows, columns = image.shape[2], image.shape[3]
         x = self.proj(F.pad(image, (0, -columns % PATCH, 0, -rows % PATCH)))
         return self.norm(x[0].permute(1, 2, 0))
 
 
 class Swin(nn.Module):
-    """A picture [1, 3, height, width] to features [1, width, rows, columns] of its 2nd, 3rd and 4th stage."""
+    """Computes the features [1, width, rows, columns] of stages 2, 3 and 4 of an image [1, 3, height, width]."""
 
     def __init__(self, width, depths, heads, window):
         super().__init__()

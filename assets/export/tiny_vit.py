@@ -1,7 +1,7 @@
-"""The picture encoder of MobileSAM, with parameters named as in its official checkpoint.
+"""The image encoder of MobileSAM, with the parameter names of its official checkpoint.
 
-Wu et al.: "TinyViT: Fast Pretraining Distillation for Small Vision Transformers", ECCV 2022; Zhang et al.: "Faster
-Segment Anything: Towards Lightweight SAM for Mobile Applications", arXiv 2306.14289.
+Wu et al.: "TinyViT: Fast Pretraining Distillation for Small Vision Transformers", ECCV 2022.
+Zhang et al.: "Faster Segment Anything: Towards Lightweight SAM for Mobile Applications", arXiv 2306.14289.
 """
 
 import torch
@@ -12,9 +12,9 @@ WIDTHS = (64, 128, 160, 320)
 DEPTHS = (2, 2, 6, 2)
 HEADS = (2, 4, 5, 10)
 WINDOWS = (7, 7, 14, 7)
-# Pixels along each side of a cell of each stage; the last keeps the size of the one before.
+# Side of a cell in each stage, in pixels. The last stage keeps the size of the stage before.
 CELLS = (4, 8, 16, 16)
-CLASSES = 1000  # of a head that the checkpoint holds and nothing uses
+CLASSES = 1000  # outputs of an unused head in the checkpoint
 
 
 def conv_norm(inputs, outputs, kernel=1, stride=1, groups=1):
@@ -45,7 +45,7 @@ class ConvBlock(nn.Module):
 
 
 class Merging(nn.Module):
-    """To the width, and where that shrinks the size, of the next stage."""
+    """Changes cells to the width of the next stage, and to its size where that is smaller."""
 
     def __init__(self, inputs, outputs, stride):
         super().__init__()
@@ -58,7 +58,7 @@ class Merging(nn.Module):
 
 
 class WindowAttention(nn.Module):
-    """Attention within windows, with a learned offset for each distance in rows and columns."""
+    """Attention within windows, with a learned bias for each distance in rows and columns."""
 
     def __init__(self, width, heads, window):
         super().__init__()
@@ -101,7 +101,7 @@ class AttentionBlock(nn.Module):
         return x + self.mlp(x.permute(0, 2, 3, 1)).permute(0, 3, 1, 2)
 
     def in_windows(self, x):
-        """The last windows are filled up with zeros."""
+        """Applies attention in windows. Zeros pad the last windows."""
         n, w, width = int(x.shape[1]), self.window, int(x.shape[3])
         count = -(-n // w)
         x = F.pad(x, (0, 0, 0, count * w - n, 0, count * w - n))
@@ -126,7 +126,7 @@ class Stage(nn.Module):
 
 
 class TinyVit(nn.Module):
-    """A picture [1, 3, side, side] to its embedding, which the `neck` brings to the width that the decoder takes."""
+    """Computes the embedding of an image [1, 3, side, side]. `neck` changes it to the width of the decoder."""
 
     def __init__(self, neck):
         super().__init__()

@@ -1,20 +1,21 @@
 #!/usr/bin/env python3
-"""XMem as the three ONNX files that `ostra models add xmem KEY-ENCODER VALUE-ENCODER DECODER` takes.
+"""Exports XMem to the three ONNX files that `ostra models add xmem` takes.
 
     pip install torch onnx
-    python3 assets/export/xmem.py XMem-s012.pth OUT      OUT/xmem-key-encoder.onnx, OUT/xmem-value-encoder.onnx,
-                                                         OUT/xmem-decoder.onnx
+    python3 assets/export/xmem.py XMem-s012.pth OUT
+    ostra models add xmem OUT/xmem-key-encoder.onnx OUT/xmem-value-encoder.onnx OUT/xmem-decoder.onnx
 
-The checkpoint is the official one of https://github.com/hkchengrex/XMem. Parameters are named here as they are there,
-and every one must be there. Networks only: what is remembered, and for how long, is the program's.
+Use the official checkpoint of https://github.com/hkchengrex/XMem. Parameters have the same names here as in the
+checkpoint. The checkpoint must contain all of them. The files contain only the networks. OSTRA itself manages the
+memory.
 
-    --size full|tiny            which network; tiny is for tests
-    --random SEED               random weights in place of a checkpoint, for timing
-    --parameters                only prints the name and shape of every parameter
+    --size full|tiny            network to export; tiny is for tests
+    --random SEED               use random weights instead of a checkpoint, for timing
+    --parameters                only print the name and shape of every parameter
 
-Cheng, Schwing: "XMem: Long-Term Video Object Segmentation with an Atkinson-Shiffrin Memory Model", ECCV 2022; features
-of He et al.: "Deep Residual Learning for Image Recognition", CVPR 2016; attention of Woo et al.: "CBAM: Convolutional
-Block Attention Module", ECCV 2018.
+Cheng, Schwing: "XMem: Long-Term Video Object Segmentation with an Atkinson-Shiffrin Memory Model", ECCV 2022.
+Features: He et al.: "Deep Residual Learning for Image Recognition", CVPR 2016.
+Attention: Woo et al.: "CBAM: Convolutional Block Attention Module", ECCV 2018.
 """
 
 import argparse
@@ -27,22 +28,22 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
-CELL = 16  # pixels along each side of the squares that are remembered
-SHRUNK = 16  # by how much the inner layer of channel attention is narrower
-SEEN = 7  # cells along each side of what spatial attention sees
+CELL = 16  # side of a memory cell, in pixels
+SHRUNK = 16  # reduction factor of the inner layer of channel attention
+SEEN = 7  # kernel side of spatial attention, in cells
 
 
 @dataclass(frozen=True)
 class Size:
     """Widths of the networks."""
 
-    name: str  # of the files
-    width: int  # of the first features
+    name: str  # prefix of the file names
+    width: int  # channels of the first features
     key: int
     value: int
     hidden: int
-    picture_blocks: tuple[int, int, int]  # of the three stages that see the picture
-    mask_blocks: tuple[int, int, int]  # of the three that see the masks as well
+    picture_blocks: tuple[int, int, int]  # number of blocks in the stages of the key encoder
+    mask_blocks: tuple[int, int, int]  # number of blocks in the stages of the value encoder
 
     @property
     def f4(self):
@@ -58,7 +59,7 @@ class Size:
 
     @property
     def fused(self):
-        """Of what the decoder makes of memory and picture."""
+        """Returns the channels of the fused features in the decoder."""
         return 8 * self.width
 
 
@@ -69,7 +70,10 @@ SIZES = {
 
 
 class Residual(nn.Module):
-    """A residual block: two convolutions of 3 × 3, or, `deep`, one between two of 1 × 1 that widen four times."""
+    """A residual block of two 3 × 3 convolutions.
+
+    A `deep` block has one 3 × 3 convolution between two of 1 × 1. Its output has four times the width.
+    """
 
     def __init__(self, inside, width, stride, deep):
         super().__init__()
@@ -100,7 +104,7 @@ def stage(inside, width, blocks, stride, deep):
 
 
 class KeyEncoder(nn.Module):
-    """A picture to features at a 16th, an 8th and a 4th of its size."""
+    """Computes features of an image at a 16th, an 8th and a 4th of its size."""
 
     def __init__(self, size):
         super().__init__()
@@ -119,7 +123,10 @@ class KeyEncoder(nn.Module):
 
 
 class KeyProjection(nn.Module):
-    """Features to keys, how narrowly each is to be matched (at least 1), and which of its parts count (0..1)."""
+    """Projects features to keys, shrinkage and selection.
+
+    The shrinkage (at least 1) says how narrowly a key matches. The selection (0 to 1) weighs the channels of a key.
+    """
 
     def __init__(self, size):
         super().__init__()
@@ -145,7 +152,7 @@ class ConvBlock(nn.Module):
         return y + (x if self.downsample is None else self.downsample(x))
 
     def of_both(self, shared, count, own):
-        """On the `count` features that all objects share [1, …] before those of each [objects, …].
+        """Applies the block to `count` features shared by all objects [1, …] and the features of each [objects, …].
 
         The shared part of both convolutions is computed once for all objects.
         """
@@ -196,7 +203,7 @@ class Attention(nn.Module):
 
 
 class Fuser(nn.Module):
-    """Features of the picture [1, …] and of each object [objects, …] to one."""
+    """Fuses the features of the image [1, …] with those of each object [objects, …]."""
 
     def __init__(self, shared, own, out):
         super().__init__()
@@ -211,7 +218,7 @@ class Fuser(nn.Module):
 
 
 class Gate(nn.Module):
-    """The recurrent unit of sensory memory: what is kept of it and what is new."""
+    """The recurrent unit of sensory memory. It mixes old and new values."""
 
     def __init__(self, inside, hidden):
         super().__init__()
@@ -224,7 +231,7 @@ class Gate(nn.Module):
 
 
 class ValueEncoder(nn.Module):
-    """What is remembered of each object [objects, value, …], and its sensory memory renewed by that."""
+    """Computes the value to remember for each object [objects, value, …], and updates its sensory memory."""
 
     def __init__(self, size):
         super().__init__()
@@ -256,7 +263,7 @@ class Upsample(nn.Module):
 
 
 class HiddenUpdate(Gate):
-    """Sensory memory renewed by features of all three sizes, each reduced to the coarsest by its mean."""
+    """Updates the sensory memory from features of all three sizes. Averaging reduces them to the coarsest size."""
 
     def __init__(self, size):
         inner = size.f4
@@ -271,7 +278,10 @@ class HiddenUpdate(Gate):
 
 
 class Decoder(nn.Module):
-    """What memory says of each object to its logits [objects, 1, height, width] and its renewed sensory memory."""
+    """Decodes the memory readout of each object into logits [objects, 1, height, width].
+
+    The second output is the updated sensory memory.
+    """
 
     def __init__(self, size):
         super().__init__()
@@ -300,7 +310,7 @@ class XMem(nn.Module):
 
 
 class PictureEncoder(nn.Module):
-    """A picture [1, 3, height, width] to its key, shrinkage, selection and features."""
+    """Computes the key, shrinkage, selection and features of an image [1, 3, height, width]."""
 
     def __init__(self, xmem):
         super().__init__()
@@ -312,25 +322,28 @@ class PictureEncoder(nn.Module):
 
 
 def randomise(model, seed):
-    """Weights under which values neither vanish nor explode. Works on any module that names parameters as here."""
+    """Draws random weights under which values neither vanish nor explode.
+
+    Works for any module with the parameter names of this file.
+    """
     draw = torch.Generator().manual_seed(seed)
     for name, value in model.state_dict().items():
         if not value.is_floating_point():
-            continue  # how many batches a norm saw
+            continue  # number of batches that a norm has seen
         drawn = torch.randn(value.shape, generator=draw)
         if value.ndim == 1:
-            # Those of norms lie around one, offsets around nothing.
+            # Norm weights and variances lie around one, biases around zero.
             drawn = drawn * 0.1 + (name.endswith("running_var") or ".bn" in name and name.endswith("weight"))
             drawn = drawn + (".downsample.1.weight" in name)
             if name.endswith("bn3.weight") or "value_encoder.layer" in name and name.endswith("bn2.weight"):
-                drawn = drawn * 0.3  # the last norm of a residual block: sums over many blocks stay small
+                drawn = drawn * 0.3  # last norm of a residual block: keeps sums over many blocks small
         else:
             drawn = drawn * (1.4 * value[0].numel() ** -0.5)
         value.copy_(drawn)
 
 
 def export(model, size, folder):
-    """Writes the three files and gives their paths."""
+    """Writes the three files and returns their paths."""
     paths = [folder / f"{size.name}-{part}.onnx" for part in ("key-encoder", "value-encoder", "decoder")]
     objects, rows, columns = 3, 4, 6
 
@@ -354,7 +367,7 @@ def export(model, size, folder):
     return paths
 
 
-# What there is one of for every object.
+# Tensors with one entry per object.
 OF_OBJECTS = ("hidden", "masks", "others", "readout", "value", "new_hidden", "logits")
 
 
@@ -363,7 +376,7 @@ def write(model, given, path, outputs):
     for name in free.keys() & OF_OBJECTS:
         free[name][0] = "objects"
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the exporter that is used is called an old one
+        warnings.simplefilter("ignore")  # the exporter warns that it is deprecated
         torch.onnx.export(
             model.eval(),
             tuple(given.values()),
@@ -391,11 +404,11 @@ def main():
             print(name, *value.shape)
         return
     if asked.random is not None:
-        # Only the folder is given.
+        # The only positional argument is the output folder.
         asked.checkpoint, asked.out = None, asked.out or asked.checkpoint
         randomise(model, asked.random)
     if asked.out is None:
-        parser.error("give the checkpoint and a folder to write to")
+        parser.error("a checkpoint and an output folder are required")
     if asked.checkpoint is not None:
         try:
             model.load_state_dict(torch.load(asked.checkpoint, map_location="cpu", weights_only=True))

@@ -129,7 +129,7 @@ fn unlabelled_leaf_tip_is_attached_to_the_leaf() {
     let output = done(&["adopt", project]);
     assert!(output.contains("attached: leaf 1 piece of "), "{output}");
     assert!(
-        done(&["adopt", project]).contains("nothing without a label hangs"),
+        done(&["adopt", project]).contains("no unlabelled fragment touches"),
         "it is done"
     );
 

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Structure from motion beside pycolmap: wall time, accuracy and memory on the same pictures and pairs.
+"""Compares structure from motion in OSTRA with pycolmap: wall time, accuracy and memory on the same images and pairs.
 
     python3 tests/bench/sfm.py DATA [--ostra target/release/ostra] [--sets fountain dtu kitchen] [--threads 2]
 
-DATA is the folder of data sets. Without pycolmap (`pip install pycolmap`) only ours is run. Both get given intrinsics,
-one camera per set, and the same pairs: all of fountain and dtu, of the kitchen every third frame with a window of 10
-and the frames 2^k away.
+DATA is the folder of the data sets. Without pycolmap (`pip install pycolmap`) only OSTRA runs. Both programs get the
+intrinsics, one camera per set, and the same pairs. For fountain and dtu these are all pairs. For kitchen the script
+takes every third frame. It pairs each with the next 10 frames, and with the frames 2^k away.
 """
 
 import argparse
@@ -27,7 +27,7 @@ SETS = {
 
 
 def ours(ostra, pictures, truth, work, threads):
-    """(seconds, peak MB, what the program said) of reconstruct; the cameras lie in work/ours."""
+    """Runs `ostra reconstruct` and returns (seconds, peak MB, output). Writes the cameras to work/ours."""
     project = work / "project"
     subprocess.run([ostra, "new", project, "--frames", pictures, "--cameras", truth], check=True)
     command = [ostra, "reconstruct", project, "--method", "sfm"]
@@ -45,7 +45,7 @@ def ours(ostra, pictures, truth, work, threads):
 
 
 def theirs(pictures, camera, pairs, work, threads):
-    """The same of pycolmap in a process of its own; the cameras lie in work/theirs."""
+    """Runs pycolmap in a separate process and returns (seconds, peak MB, output). Writes the cameras to work/theirs."""
     call = [sys.executable, __file__, "--worker", json.dumps([str(pictures), camera, pairs, str(work), threads])]
     begun = time.perf_counter()
     process = subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
@@ -94,7 +94,7 @@ def intrinsics(truth):
         words = line.split()
         if words and words[0] != "#" and not line.startswith("#"):
             return ",".join(words[4:8])
-    sys.exit(f"{truth}: no camera")
+    sys.exit(f"{truth}/cameras.txt: found no camera")
 
 
 def accuracy(ostra, truth, found):
@@ -117,7 +117,7 @@ def main():
         import pycolmap
     except ImportError:
         pycolmap = None
-        print("pycolmap is not there (pip install pycolmap); only ours is timed")
+        print("pycolmap is not installed (pip install pycolmap); only OSTRA runs")
     for name in args.sets:
         folder, pictures, every = SETS[name]
         truth = args.data / folder / "sparse"
@@ -128,14 +128,14 @@ def main():
             for picture in sorted((args.data / folder / pictures).iterdir())[::every]:
                 shutil.copy(picture, chosen / picture.name)
             seconds, memory, said = ours(args.ostra, chosen, truth, work, args.threads)
-            print(f"{name}: ours {seconds:.1f} s, {memory:.0f} MB, {accuracy(args.ostra, truth, work / 'ours')}")
+            print(f"{name}: OSTRA {seconds:.1f} s, {memory:.0f} MB, {accuracy(args.ostra, truth, work / 'ours')}")
             print(f"    {said}")
             if pycolmap:
                 names = sorted(path.name for path in chosen.iterdir())
                 pairs = chosen_pairs(names, name != "kitchen")
                 other, memory, said = theirs(chosen, intrinsics(truth), pairs, work, args.threads)
                 print(f"{name}: pycolmap {other:.1f} s, {memory:.0f} MB, {accuracy(args.ostra, truth, work / 'theirs')}")
-                print(f"    {said}; ours took {seconds / other:.2f} of its time")
+                print(f"    {said}; OSTRA took {seconds / other:.2f} times as long")
 
 
 if __name__ == "__main__":

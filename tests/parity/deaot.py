@@ -1,16 +1,18 @@
 #!/usr/bin/env python3
-"""DeAOT as it runs here beside its official implementation, on the same random weights.
+"""Compares DeAOT in OSTRA with the official implementation, using the same random weights.
 
     git clone https://github.com/yoxu515/aot-benchmark CHECKOUT
     pip install torch onnx opencv-python-headless pillow
     python3 tests/parity/deaot.py CHECKOUT OUT [--size tiny|l] [--frames FOLDER] [--count N] [--side PX] [--seed S]
                                   [--fault bgr|shift|memory] [--no-test]
 
-Builds the official network with seeded weights, under which every object's mask covers a fair share of the picture and
-moves, exports them with `assets/export/deaot.py`, lets the official engine walk through the pictures, and writes what it
-finds to OUT; then the crate's own test walks through the same pictures and compares every logit and mask. Without FOLDER
-made pictures are taken; `--side` shrinks those of FOLDER. A fault put into the reference must make the test fail.
-`tests/parity/deaot-tiny` is OUT of `--size tiny`.
+The script builds the official network with seeded weights, under which every mask moves and covers a fair share of the
+image. It exports the weights with `assets/export/deaot.py`. The official engine then tracks the objects through the
+images, and the script writes the results to OUT. Finally the test of the crate tracks the same objects, and compares
+every logit and mask.
+
+Without FOLDER the script uses synthetic images. `--side` shrinks the images of FOLDER. `--fault` puts a fault into the
+reference, and the test must then fail. `tests/parity/deaot-tiny` is OUT of `--size tiny`.
 """
 
 import argparse
@@ -30,21 +32,21 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "assets" / "export"))
 import deaot as exporter  # noqa: E402
 
-# The share of a picture that a mask may cover for the comparison to mean something.
+# Least and largest share of an image that a mask may cover. Outside this range the comparison means little.
 COVERED = (0.02, 0.60)
-# Least share of an object's pixels that must change between the first and the last picture.
+# Least share of an object's pixels that must change between the first and the last image.
 MOVED = 0.05
-# Walks after which the weights of the last layer are given up.
+# Attempts to balance the weights of the last layer.
 ROUNDS = 8
-# Every how many pictures of a further case the logits are stored.
+# Cases after the first store the logits of every third image.
 STORED = 3
 LONGEST = 800 * 1.3
-# What the checkout imports and this does not need.
+# Modules that the checkout imports but this script does not need.
 UNUSED = ["networks.encoders.swin", "torchvision", "torchvision.transforms", "torchvision.transforms.functional"]
 
 
 class Official:
-    """What is used of a checkout."""
+    """The parts of a checkout that this script uses."""
 
     def __init__(self, checkout):
         sys.path.insert(0, str(checkout))
@@ -73,7 +75,7 @@ class Official:
         return model.eval()
 
     def encoder(self, size):
-        """The official encoder with other widths."""
+        """Returns the official encoder with other widths."""
         block, norm = self.resnet.Bottleneck, self.norm
         encoder = self.resnet.ResNet(block, [1, 1, 1], 16, norm)
         encoder.inplanes = size.width
@@ -90,13 +92,13 @@ class Official:
         return engine.eval()
 
     def shown(self, picture):
-        """As the test transform gives a picture to the network."""
+        """Returns an image as the official test transform passes it to the network."""
         sample = {"current_img": np.asarray(picture, np.float32), "meta": {}}
         return self.to_tensor(self.restrict(sample))[0]["current_img"][None].float()
 
 
 def made_pictures(count):
-    """Shapes that move before a gradient."""
+    """Yields synthetic images of shapes that move in front of a gradient."""
     height, width = 90, 300
     y, x = np.mgrid[:height, :width] / height
     for at in range(count):
@@ -117,7 +119,7 @@ def pictures(folder, count, side):
 
 
 def columns(width, height, objects):
-    """A label for every column of boxes, 1 to `objects`, with nothing between, above and below."""
+    """Returns a mask with boxes side by side, labelled 1 to `objects`, on a background of 0."""
     mask = np.zeros((height, width), np.uint8)
     for at in range(objects):
         first, last = (int(width * (at + share) / objects) for share in (0.15, 0.85))
@@ -126,8 +128,11 @@ def columns(width, height, objects):
 
 
 def cases(size, width, height):
-    """What is told in which picture, as masks of labels: three objects; of the tiny network also more than ten, of
-    which some appear later."""
+    """Returns the input masks of each case by image number.
+
+    The case `three` has three objects. The tiny network also gets the case `many` with more than ten objects, some of
+    which appear later.
+    """
     told = {"three": {0: columns(width, height, 3)}}
     if size.name.endswith("tiny"):
         all_of_them = columns(width, height, 13)
@@ -142,7 +147,7 @@ def as_label(mask, size=None):
 
 
 def walk(official, model, shown, told, fault=None):
-    """Logits of every group of objects and the mask, for each picture after the first."""
+    """Returns the logits of every group of objects and the mask, for each image after the first."""
     engine, found, objects = official.engine(model), [], 0
     for at, picture in enumerate(shown):
         pixels = np.asarray(picture)
@@ -167,13 +172,13 @@ def walk(official, model, shown, told, fault=None):
 
 
 def half_a_pixel(picture):
-    """The picture moved to the left by half a pixel."""
+    """Returns the image shifted to the left by half a pixel."""
     right = np.concatenate([picture[:, 1:], picture[:, -1:]], 1)
     return ((picture.astype(np.uint16) + right + 1) // 2).astype(np.uint8)
 
 
 def covered(found):
-    """Least and largest share of the picture that an object covers, and the least share of one that changes."""
+    """Returns the least and largest share of the image that an object covers, and the least change of an object."""
     objects = range(1, found[-1]["objects"] + 1)
     shares = [(of["mask"] == at).mean() for of in found for at in range(1, of["objects"] + 1)]
     changes = []
@@ -184,13 +189,16 @@ def covered(found):
 
 
 def calm(bank):
-    """Lets identities depend on how much of a cell an object covers more than on single pixels: masks are fed back, and
-    a pixel between two objects, decided by rounding, would change more with every picture."""
+    """Makes identities depend more on how much of a cell an object covers than on single pixels.
+
+    Masks are fed back into the network. Rounding decides pixels between two objects, and without this step such a
+    difference would grow with every image.
+    """
     bank.copy_(0.1 * bank + bank.mean((2, 3), keepdim=True) * bank.shape[1] ** 0.5)
 
 
 def balance(model, walks):
-    """Shifts and scales the last layer so that no object's logits outdo the others'."""
+    """Shifts and scales the last layer so that the logits of no object dominate."""
     last = model.decoder.conv_out
     for channel in range(exporter.OBJECTS + 1):
         seen = [of["groups"][0][channel].ravel() for found in walks for of in found if channel <= of["objects"]]
@@ -202,22 +210,25 @@ def balance(model, walks):
 
 
 def fair(official, size, seed, shown, told):
-    """The official network with weights under which masks mean something."""
+    """Returns the official network with weights that give meaningful masks, and its results for each case."""
     model = official.model(size)
     exporter.randomise(model, seed)
     calm(model.patch_wise_id_bank.weight)
     for _ in range(ROUNDS):
         walks = [walk(official, model, shown, given) for given in told.values()]
         shares = covered(walks[0])
-        print(f"masks cover {shares[0]:.1%} to {shares[1]:.1%}, at least {shares[2]:.1%} of each changes", flush=True)
+        print(f"masks cover {shares[0]:.1%} to {shares[1]:.1%}; at least {shares[2]:.1%} of each changes", flush=True)
         if COVERED[0] <= shares[0] and shares[1] <= COVERED[1] and shares[2] >= MOVED:
             return model, walks
         balance(model, walks)
-    sys.exit(f"no masks of {COVERED[0]:.0%} to {COVERED[1]:.0%} that move; try another --seed")
+    sys.exit(f"no moving masks that cover {COVERED[0]:.0%} to {COVERED[1]:.0%}; try another --seed")
 
 
 def write(out, name, shown, told, walks):
-    """`reference.json` tells where in `reference.bin`, little-endian 32-bit floats, each tensor begins."""
+    """Writes the reference files to `out`.
+
+    `reference.bin` holds little-endian 32-bit floats. `reference.json` gives the start of each tensor in it.
+    """
     values, start, listed = [], 0, []
     for at, picture in enumerate(shown):
         picture.save(out / f"frame-{at}.png", optimize=True)
@@ -225,7 +236,7 @@ def write(out, name, shown, told, walks):
         frames = []
         for of in found:
             groups = []
-            # Of further cases a few suffice, with every mask.
+            # Cases after the first store only some of the logits, but every mask.
             is_stored = not listed or of["frame"] % STORED == 0
             for group, logits in enumerate(of["groups"] if is_stored else []):
                 used = min(of["objects"] - exporter.OBJECTS * group, exporter.OBJECTS) + 1
@@ -238,7 +249,7 @@ def write(out, name, shown, told, walks):
         for at, label in given.items():
             Image.fromarray(label).save(out / f"{case}-told-{at}.png", optimize=True)
         deviation = float(torch.cat([of["groups"][0][: of["objects"] + 1].ravel() for of in found]).std())
-        print(f"{case}: standard deviation of the logits {deviation:.3f}")
+        print(f"{case}: the standard deviation of the logits is {deviation:.3f}")
         given = {at: f"{case}-told-{at}.png" for at in given}
         listed.append({"name": case, "told": given, "deviation": deviation, "frames": frames})
     np.concatenate(values).tofile(out / "reference.bin")
@@ -248,7 +259,7 @@ def write(out, name, shown, told, walks):
 
 
 def check_names(official):
-    """Our names and shapes are those of the official network, which `load_state_dict` asks for one by one."""
+    """Checks that parameter names and shapes match the official ones, because `load_state_dict` requires them."""
     with torch.device("meta"):
         state = exporter.DeAot(exporter.SIZES["l"]).state_dict()
     listed = (ROOT / "tests" / "parity" / "R50_DeAOTL_PRE_YTB_DAV.txt").read_text().splitlines()

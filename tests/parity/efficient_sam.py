@@ -1,15 +1,17 @@
 #!/usr/bin/env python3
-"""EfficientSAM as it runs here beside its official code, on the same random weights.
+"""Compares EfficientSAM in OSTRA with the official code, using the same random weights.
 
     git clone https://github.com/yformer/EfficientSAM OFFICIAL
     pip install torch onnx onnxscript pillow
     python3 tests/parity/efficient_sam.py OFFICIAL OUT [--size tiny|vitt] [--frames FOLDER] [--seed S]
                                           [--fault bgr|shift] [--no-test]
 
-Builds the official network with seeded weights, exports it by the official wrappers as the official script does, asks
-the network in PyTorch about pictures and prompts, and writes all to OUT; then the crate's own test runs the exported
-networks on the same pictures and compares every tensor. Without FOLDER two made pictures are taken. A fault put into the
-reference must make the test fail. `tests/parity/efficient-sam-tiny` is OUT of `--size tiny`.
+The script builds the official network with seeded weights. It exports the network with the official wrappers, like the
+official script. It runs the PyTorch network on images and prompts, and writes the results to OUT. Finally the test of
+the crate runs the exported networks on the same images, and compares every tensor.
+
+Without FOLDER the script uses two synthetic images. `--fault` puts a fault into the reference, and the test must then
+fail. `tests/parity/efficient-sam-tiny` is OUT of `--size tiny`.
 """
 
 import argparse
@@ -28,12 +30,12 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "assets" / "export"))
 import sam as exporter  # noqa: E402
 
-# Side of the square, width of the encoder, its depth and heads, width of everything behind it, of the decoder's layers.
+# Side of the square input; width, depth and heads of the encoder; width of all later parts; width of the decoder's MLP.
 SIZES = {"tiny": (256, 32, 2, 2, 32, 64), "vitt": (1024, 192, 12, 3, 256, 2048)}
 
 
 def reference(official, size):
-    """The official network at a size of ours; with `vitt` it is what `build_efficient_sam_vitt` makes."""
+    """Returns the official network at one of our sizes. With `vitt` it equals `build_efficient_sam_vitt`."""
     sys.path.insert(0, str(official))
     from efficient_sam.efficient_sam import EfficientSam, ImageEncoderViT, MaskDecoder, PromptEncoder
     from efficient_sam.efficient_sam import TwoWayTransformer
@@ -58,7 +60,7 @@ def reference(official, size):
 
 
 def prompts(width, height):
-    """Include clicks and boxes in the pixels of a picture, counted from the middle of the first."""
+    """Returns include clicks and boxes in pixels. Coordinates count from the centre of the first pixel."""
     at = lambda x, y: [int(x * width), int(y * height), 1]  # noqa: E731
     box = [int(0.2 * width), int(0.3 * height), int(0.7 * width), int(0.8 * height)]
     many = [at(0.1 * k + 0.1, 0.3 + 0.05 * (k % 3)) for k in range(8)]
@@ -72,7 +74,7 @@ def prompts(width, height):
 
 
 class Asked:
-    """One picture's embedding, and answers to prompts on it."""
+    """The embedding of one image, and the answers to prompts on it."""
 
     def __init__(self, model, picture, fault):
         shown = np.asarray(picture)
@@ -89,7 +91,7 @@ class Asked:
     def answer(self, prompt):
         width, height = self.size
         corners = [[*box[2 * k : 2 * k + 2], 2 + k] for box in prompt["boxes"] for k in (0, 1)]
-        # The network heeds six points: the corners and the latest clicks.
+        # The network uses six points: the corners and the latest clicks.
         told = corners + prompt["clicks"][-(6 - len(corners)) :]
         told = torch.tensor(told, dtype=torch.float32)[None, None]
         masks, scores = self.model.predict_masks(
@@ -98,7 +100,7 @@ class Asked:
         masks, scores = masks[0, 0], scores[0, 0]
         large = torch.nn.functional.interpolate(masks[None], (height, width), mode="bilinear")[0]
         cells, side = masks.shape[-1], self.model.image_encoder.img_size
-        # The cell of a click, whose middle is told in pixels of the square.
+        # The cell of a click. The network adds half a pixel after it scales a click to the square.
         cell = lambda at, size: int((at * side / size + 0.5) * cells / side)  # noqa: E731
         clicked = [(cell(y, height), cell(x, width)) for x, y, _ in prompt["clicks"]]
         inside = [sum(bool(mask[at] > 0) for at in clicked) for mask in masks]
@@ -109,7 +111,7 @@ class Asked:
 
 
 def build(official, size, seed, shown, fault):
-    """The reference with weights under which every mask covers a fair share, and its answers per picture."""
+    """Returns the reference with weights under which every mask covers a fair share, and its answers per image."""
     model = reference(official, size)
     exporter.randomise(model, seed)
     of_encoder = {name: value.clone() for name, value in model.state_dict().items() if "image_encoder" in name}
@@ -124,7 +126,7 @@ def build(official, size, seed, shown, fault):
 
 
 def export(model, name, folder):
-    """Both files, with the official wrappers, names and dynamic axes."""
+    """Writes both files, with the official wrappers, names and dynamic axes."""
     import onnx_models
 
     sizes = {0: "batch", 2: "height", 3: "width"}

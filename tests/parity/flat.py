@@ -1,16 +1,17 @@
 #!/usr/bin/env python3
-"""Small networks with the inputs and outputs of Segment Anything that see flat colours, for tests of what is asked.
+"""Writes small networks with the interface of Segment Anything that segment flat colours, to test prompts.
 
     pip install torch onnx
     python3 tests/parity/flat.py tests/parity/sam-flat
     python3 tests/parity/flat.py tests/parity/efficient-sam-flat --efficient
 
-The embedding is the mean colour of each cell. An answer is all cells that are of the mean colour of the include clicks
-(without one: of the middle of the box), within the box; an earlier answer is added; what has the colour of an exclude
-click is taken away. Clicks on two colours at once therefore find neither.
+The embedding is the mean colour of each cell. The answer is all cells within the box that have the mean colour of the
+include clicks. Without include clicks, it is the colour at the centre of the box. An earlier answer is added. Cells
+with the colour of an exclude click are removed. Clicks on two colours at once therefore find neither.
 
-Those with the interface of EfficientSAM know no exclude clicks. They give all that has the colour of an include click, or
-what is not grey within a box, and twice the whole picture, once surer than that for clicks and once less sure.
+Networks with the interface of EfficientSAM take no exclude clicks. They return three masks. The first covers the
+colours of the include clicks, or everything inside a box that is not grey. It scores 0.7 for clicks and 0.95 for a box.
+The other two masks cover the whole image, and score 0.9 and 0.5.
 """
 
 import argparse

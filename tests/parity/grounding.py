@@ -1,15 +1,16 @@
 #!/usr/bin/env python3
-"""Grounding DINO as it runs here beside its implementation in `transformers`, on the same random weights.
+"""Compares Grounding DINO in OSTRA with the implementation in `transformers`, using the same random weights.
 
     pip install torch transformers onnx pillow
     python3 tests/parity/grounding.py OUT [--size tiny|swin-t] [--frames FOLDER] [--seed S] [--fault bgr|shift]
                                       [--no-test]
 
-Builds the reference with seeded weights, names them as the official checkpoint does, exports that checkpoint with
-`assets/export/grounding_dino.py`, asks the reference about pictures and phrases, and writes all to OUT; then the
-crate's own test runs the exported network on the same pictures and phrases and compares every tensor. Without FOLDER
-two made pictures are taken. A fault put into the reference must make the test fail. `tests/parity/grounding-tiny` is
-OUT of `--size tiny`.
+The script builds the reference with seeded weights, and a checkpoint with the official names. It exports the checkpoint
+with `assets/export/grounding_dino.py`. It runs the reference on images and phrases, and writes the results to OUT.
+Finally the test of the crate runs the exported network on the same images and phrases, and compares every tensor.
+
+Without FOLDER the script uses two synthetic images. `--fault` puts a fault into the reference, and the test must then
+fail. `tests/parity/grounding-tiny` is OUT of `--size tiny`.
 """
 
 import argparse
@@ -32,20 +33,21 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "assets" / "export"))
 import grounding_dino as exporter  # noqa: E402
 
-# Numbers of these in BERT's own vocabulary, which the reference takes for ends of phrases.
+# Ids of these tokens in the vocabulary of BERT. The reference treats them as ends of phrases.
 SPECIAL = {"[CLS]": 101, "[SEP]": 102, ".": 1012, "?": 1029}
-# Pixels of the shorter side, and the most of the longer one, as in the official program.
+# Shorter side and largest longer side in pixels, as in the official program.
 SIDES = (800, 1333)
 PHRASES = [["the red cat", "panicle of rice"], ["leaf"]]
-# By how many standard deviations the scores of any two cells that become queries must differ: rounding may swap nearer
-# ones. Among 900 some always are; there every query is told the same, and may change places with its neighbour.
+# Least difference, in standard deviations, between the scores of any two cells that become queries. Rounding can swap
+# closer ones. Among 900 queries some are always closer. With `swin-t` all queries therefore share one embedding, and a
+# swap does no harm.
 LEAST_GAP = {"tiny": 1e-3, "swin-t": 0.0}
-# Draws of weights after which none is looked for any more.
+# Largest number of draws of the weights.
 DRAWS = 200
 
 
 def vocabulary(size):
-    """Pieces of words, each in its line; in the full one the special ones where BERT has them."""
+    """Returns the word pieces, one per line. The full vocabulary has the special tokens at the ids of BERT."""
     count = size.bert[4]
     if count == len(PIECES):
         return PIECES
@@ -57,7 +59,7 @@ def vocabulary(size):
 
 
 def reference(size, lines):
-    """The same network in `transformers`."""
+    """Returns the same network in `transformers`."""
     width, depths, heads, window = size.swin
     bert = dict(zip(("hidden_size", "num_hidden_layers", "num_attention_heads", "intermediate_size"), size.bert))
     config = GroundingDinoConfig(
@@ -86,7 +88,7 @@ def reference(size, lines):
     return model
 
 
-# From names in `transformers` to those of the official checkpoint.
+# Replacements that turn names in `transformers` into those of the official checkpoint.
 RENAMED = [
     (r"^model\.", ""),
     (r"^backbone\.conv_encoder\.model\.", "backbone.0."),
@@ -134,16 +136,16 @@ RENAMED = [
     (r"(decoder\.layers\..*)encoder_attn\.", r"\1cross_attn."),
     (r"(transformer\..*)\.fc([12])\.", r"\1.linear\2."),
 ]
-# Joined there, apart in `transformers`.
+# One tensor in the official checkpoint, three in `transformers`.
 JOINED = re.compile(r"^(?!bert\.)(.*(?:attn|ca_text)\.)(query|key|value)\.(weight|bias)$")
-# Not in the reference: which offset belongs to which pair of cells, and what nothing asks.
+# Not in the reference: the bias index of each pair of cells, and the unused pooler.
 BESIDE = re.compile(r"relative_position_index$|^bert\.pooler\.")
-# Only in the reference: numbers that are counted, and a norm behind what is asked of the backbone.
+# Only in the reference: index buffers, and a norm after the last features that are used.
 ONLY_THERE = re.compile(r"special_tokens$|position_ids$|relative_position_index$|swin\.layernorm\.")
 
 
 def official(name):
-    """The name in the official checkpoint, and which third of that tensor."""
+    """Returns the name in the official checkpoint, and which third of that tensor it is."""
     for pattern, replacement in RENAMED:
         name = re.sub(pattern, replacement, name)
     joined = JOINED.match(name)
@@ -155,7 +157,7 @@ def official(name):
 
 
 def give(model, weights):
-    """Puts weights, named as in the official checkpoint, into the reference: all of them, everywhere."""
+    """Copies weights with official names into the reference. Exits if any weight remains unused."""
     left = {name for name in weights if not BESIDE.search(name)}
     for name, value in model.state_dict().items():
         if ONLY_THERE.search(name):
@@ -164,11 +166,11 @@ def give(model, weights):
         value.copy_(weights[there] if third is None else weights[there].chunk(3)[third])
         left.discard(there)
     if left:
-        sys.exit(f"not in the reference: {sorted(left)}")
+        sys.exit(f"the reference lacks these weights: {sorted(left)}")
 
 
 def shrunk(width, height):
-    """Columns and rows that the network sees."""
+    """Returns the columns and rows of the image that the network sees."""
     short, longest = SIDES
     least, most = min(width, height), max(width, height)
     if most / least * short > longest:
@@ -189,7 +191,7 @@ def fed(picture, fault):
 
 
 class Asker:
-    """Asks the reference about pictures and phrases."""
+    """Runs the reference on images and phrases."""
 
     def __init__(self, model, lines, folder):
         path = folder / "vocab.txt"
@@ -200,14 +202,14 @@ class Asker:
     def answer(self, picture, phrases, fault):
         ids = self.tokenizer(" ".join(f"{phrase} ." for phrase in phrases), return_tensors="pt")["input_ids"]
         out = self.model(pixel_values=fed(picture, fault), input_ids=ids)
-        # By how much the chosen cells' scores differ, and from the best that was not chosen, at least.
+        # Least difference between the scores of chosen cells, and to the best cell that was not chosen.
         best = out.enc_outputs_class[0].max(-1).values.sort(descending=True).values[: self.model.config.num_queries + 1]
         gap = float((best[:-1] - best[1:]).min() / best.std())
         return {"phrases": phrases, "logits": out.logits[0, :, : ids.shape[1]], "boxes": out.pred_boxes[0], "gap": gap}
 
 
 def build(asked, size, lines, shown):
-    """Weights under which no two chosen cells are nearly alike, and the reference's answers per picture."""
+    """Returns weights that clearly separate the scores of chosen cells, and the reference's answers per image."""
     model = reference(size, lines)
     ours = exporter.GroundingDino(size)
     asker = Asker(model, lines, asked.out)
@@ -219,14 +221,17 @@ def build(asked, size, lines, shown):
         give(model, ours.state_dict())
         given = [[asker.answer(picture, phrases, asked.fault) for phrases in PHRASES] for picture in shown]
         gap = min(answer["gap"] for answers in given for answer in answers)
-        print(f"seed {asked.seed + draw}: scores of chosen cells differ by {gap:.1e} standard deviations or more")
+        print(f"seed {asked.seed + draw}: scores of chosen cells differ by at least {gap:.1e} standard deviations")
         if gap > LEAST_GAP[asked.size]:
             return ours.state_dict(), given
-    sys.exit(f"none of {DRAWS} draws chooses cells that clearly; try another --seed")
+    sys.exit(f"none of the {DRAWS} draws separates the chosen cells clearly; try another --seed")
 
 
 def write(out, size, shown, given):
-    """`reference.json` tells where in `reference.bin`, little-endian 32-bit floats, each tensor begins."""
+    """Writes the reference files to `out`.
+
+    `reference.bin` holds little-endian 32-bit floats. `reference.json` gives the start of each tensor in it.
+    """
     values, frames = [], []
 
     def put(tensor):
@@ -251,7 +256,7 @@ def write(out, size, shown, given):
 
 
 def shorten(path):
-    """Short names inside the file: in a tiny network they are most of it."""
+    """Shortens the names inside the file, because they make up most of a tiny network."""
     network = onnx.load(path)
     kept = {port.name for port in [*network.graph.input, *network.graph.output]}
     short = {}
@@ -266,7 +271,7 @@ def shorten(path):
 
 
 def check_names():
-    """Our names and shapes are those of the official model, which `load_state_dict` asks for one by one."""
+    """Checks that parameter names and shapes match the official ones, because `load_state_dict` requires them."""
     with torch.device("meta"):
         state = exporter.GroundingDino(exporter.SIZES["swin-t"]).state_dict()
     ours = sorted(" ".join([name, *map(str, value.shape)]) for name, value in state.items())

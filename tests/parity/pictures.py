@@ -1,11 +1,11 @@
-"""What the references are shown."""
+"""Input images for the references."""
 
 import numpy as np
 from PIL import Image
 
 
 def made_pictures():
-    """Two pictures of shapes before a gradient: a wide and a high one."""
+    """Yields two synthetic images of shapes in front of a gradient: a wide one and a tall one."""
     for width, height in ((300, 200), (90, 160)):
         y, x = np.mgrid[:height, :width] / height
         picture = np.stack([200 * y, 60 + 90 * x, 220 - 120 * y * x], -1)
@@ -25,6 +25,6 @@ def pictures(folder):
 
 
 def half_a_pixel(picture):
-    """The picture moved to the left by half a pixel."""
+    """Returns the image shifted to the left by half a pixel."""
     right = np.concatenate([picture[:, 1:], picture[:, -1:]], 1)
     return ((picture.astype(np.uint16) + right + 1) // 2).astype(np.uint8)

@@ -1,17 +1,20 @@
-"""How the references of Segment Anything and its kin are drawn and written."""
+"""Common parts of the references of Segment Anything and related networks."""
 
 import json
 
 import numpy as np
 
-# The share of a picture that a mask may cover for the comparison to mean something.
+# Least and largest share of an image that a mask may cover. Outside this range the comparison means little.
 COVERED = (0.02, 0.60)
-# Draws of the decoder's weights after which none is looked for any more.
+# Largest number of draws of the decoder's weights.
 DRAWS = 400
 
 
 def put_frames(out, name, shown, given):
-    """`reference.json` tells where in `reference.bin`, little-endian 32-bit floats, each tensor begins."""
+    """Writes the reference files to `out`.
+
+    `reference.bin` holds little-endian 32-bit floats. `reference.json` gives the start of each tensor in it.
+    """
     values, frames = [], []
 
     def put(tensor):
@@ -24,7 +27,7 @@ def put_frames(out, name, shown, given):
         picture.save(out / file, optimize=True)
         cases = [answer | {"low": put(answer["low"])} for answer in answers]
         for case in cases:
-            # One at the size of the picture: the others are enlarged in the same way.
+            # One result at the size of the image is enough, because the others are enlarged in the same way.
             case["logits"] = put(case["logits"]) if case is cases[0] else None
         frames.append({"picture": file, "embedding": put(asked.embedding[0]), "cases": cases})
     np.concatenate(values).tofile(out / "reference.bin")

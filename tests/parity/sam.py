@@ -1,13 +1,15 @@
 #!/usr/bin/env python3
-"""Segment Anything as it runs here beside its implementation in `transformers`, on the same random weights.
+"""Compares Segment Anything in OSTRA with the implementation in `transformers`, using the same random weights.
 
     pip install torch transformers onnx onnxscript pillow
     python3 tests/parity/sam.py OUT [--size tiny|vit-b] [--frames FOLDER] [--seed S] [--fault bgr|shift] [--no-test]
 
-Builds the reference with seeded weights, names them as the official checkpoint does, exports that checkpoint with
-`assets/export/sam.py`, asks the reference about pictures and prompts, and writes all to OUT; then the crate's own test
-runs the exported networks on the same pictures and compares every tensor. Without FOLDER two made pictures are taken.
-A fault put into the reference must make the test fail. `tests/parity/sam-tiny` is OUT of `--size tiny`.
+The script builds the reference with seeded weights, and a checkpoint with the official names. It exports the checkpoint
+with `assets/export/sam.py`. It runs the reference on images and prompts, and writes the results to OUT. Finally the
+test of the crate runs the exported networks on the same images, and compares every tensor.
+
+Without FOLDER the script uses two synthetic images. `--fault` puts a fault into the reference, and the test must then
+fail. `tests/parity/sam-tiny` is OUT of `--size tiny`.
 """
 
 import argparse
@@ -31,7 +33,7 @@ import sam as exporter  # noqa: E402
 
 
 def reference(size):
-    """The same network in `transformers`."""
+    """Returns the same network in `transformers`."""
     common = {"image_size": size.side, "patch_size": exporter.PATCH}
     vision = common | {
         "hidden_size": size.width,
@@ -49,7 +51,7 @@ def reference(size):
     return SamModel(config).eval()
 
 
-# From names in `transformers` to those of the official checkpoint.
+# Replacements that turn names in `transformers` into those of the official checkpoint.
 RENAMED = [
     (r"^vision_encoder\.layers\.", "image_encoder.blocks."),
     (r"^vision_encoder\.", "image_encoder."),
@@ -77,7 +79,7 @@ RENAMED = [
 
 
 def official(state):
-    """The reference's weights under the names of the official checkpoint."""
+    """Returns the weights of the reference under the names of the official checkpoint."""
     named = {}
     for name, value in state.items():
         if name.startswith("prompt_encoder.shared_embedding"):
@@ -89,7 +91,10 @@ def official(state):
 
 
 def prompts(width, height):
-    """Prompts in the pixels of a picture, counted from the middle of the first; `after` is refined by more clicks."""
+    """Returns prompts in pixels. Coordinates count from the centre of the first pixel.
+
+    `after` is the index of the prompt whose mask this prompt refines.
+    """
     at = lambda x, y, include: [int(x * width), int(y * height), include]  # noqa: E731
     box = [int(0.2 * width), int(0.3 * height), int(0.7 * width), int(0.8 * height)]
     first = [at(0.31, 0.42, 1)]
@@ -103,7 +108,7 @@ def prompts(width, height):
 
 
 class Asked:
-    """One picture's embedding, and answers to prompts on it."""
+    """The embedding of one image, and the answers to prompts on it."""
 
     def __init__(self, model, processor, picture, fault):
         shown = picture
@@ -147,7 +152,7 @@ class Asked:
 
 
 def build(size, seed, processor, shown, fault):
-    """The reference with weights under which every mask covers a fair share, and its answers per picture."""
+    """Returns the reference with weights under which every mask covers a fair share, and its answers per image."""
     model = reference(size)
     exporter.randomise(model, seed)
     of_encoder = {name: value.clone() for name, value in model.state_dict().items() if "vision_encoder" in name}
@@ -164,13 +169,13 @@ def build(size, seed, processor, shown, fault):
 
 
 def tie(model):
-    """Both names hold one tensor."""
+    """Gives both names the same tensor values."""
     shared = model.prompt_encoder.shared_embedding.positional_embedding
     shared.copy_(model.shared_image_embedding.positional_embedding)
 
 
 def check_names():
-    """Our names and shapes are those of the official checkpoints, which `load_state_dict` asks for one by one."""
+    """Checks that parameter names and shapes match the official ones, because `load_state_dict` requires them."""
     for size, checkpoint in (("vit-b", "sam_vit_b_01ec64"), ("mobile", "mobile_sam")):
         with torch.device("meta"):
             state = exporter.Sam(exporter.SIZES[size]).state_dict()

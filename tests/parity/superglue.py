@@ -1,13 +1,16 @@
 #!/usr/bin/env python3
-"""SuperPoint and SuperGlue as they run here beside their implementations in `transformers`, on the same random weights.
+"""Compares SuperPoint and SuperGlue in OSTRA with `transformers`, using the same random weights.
 
     pip install torch transformers onnx pillow
-    python3 tests/parity/superglue.py OUT [--size tiny|official] [--frames FOLDER] [--seed S] [--fault bgr|shift] [--no-test]
+    python3 tests/parity/superglue.py OUT [--size tiny|official] [--frames FOLDER] [--seed S]
+                                      [--fault bgr|shift] [--no-test]
 
-Draws seeded weights under the names of the official checkpoints, exports them with `assets/export/superglue.py`, gives the
-reference the same ones, asks it about two pictures, and writes all to OUT; then the crate's own test runs the exported
-networks on the same pictures and compares every tensor. Without FOLDER two made pictures are taken. A fault put into the
-reference must make the test fail. `tests/parity/superglue-tiny` is OUT of `--size tiny`.
+The script draws seeded weights under the names of the official checkpoints. It exports them with
+`assets/export/superglue.py`, and copies them into the reference. It runs the reference on two images, and writes the
+results to OUT. Finally the test of the crate runs the exported networks on the same images, and compares every tensor.
+
+Without FOLDER the script uses two synthetic images. `--fault` puts a fault into the reference, and the test must then
+fail. `tests/parity/superglue-tiny` is OUT of `--size tiny`.
 """
 
 import argparse
@@ -28,18 +31,18 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "assets" / "export"))
 import superglue as exporter  # noqa: E402
 
-# Keypoints that are matched.
+# Largest number of keypoints to match.
 MOST = {"tiny": 60, "official": 256}
-# The share of keypoints that may have a partner for the comparison to mean something.
+# Least and largest share of keypoints with a partner. Outside this range the comparison means little.
 MATCHED = (0.15, 0.85)
-# Draws of weights after which none is looked for any more.
+# Largest number of draws of the weights.
 DRAWS = 40
-# How much the agreement of two keypoints varies, as of trained weights.
+# Standard deviation of the agreement of two keypoints, similar to that of trained weights.
 SPREAD = 6.0
 
 
 def reference(size, most):
-    """The same networks in `transformers`."""
+    """Returns the same networks in `transformers`."""
     points = SuperPointConfig(
         encoder_hidden_sizes=list(size.blocks),
         decoder_hidden_size=size.head,
@@ -64,7 +67,7 @@ def reference(size, most):
 
 
 def renamed_points(state):
-    """Names of the official SuperPoint → those in `transformers`."""
+    """Yields the weights of the official SuperPoint under their names in `transformers`."""
     heads = {"convP": "keypoint_decoder.conv_score_", "convD": "descriptor_decoder.conv_descriptor_"}
     for name, value in state.items():
         layer, kind = name.split(".")
@@ -74,11 +77,14 @@ def renamed_points(state):
 
 
 def renamed_glue(state, heads):
-    """Names and orders of the official SuperGlue → those in `transformers`, where a head's channels lie together."""
+    """Yields the weights of the official SuperGlue under their names in `transformers`.
+
+    The channels also change their order, because `transformers` keeps those of a head together.
+    """
 
     def perceptron(before, rest):
         number, kind = rest.split(".")
-        # Three modules a layer: linear, normalisation, rectifier.
+        # Each layer has three modules: linear, normalisation and rectifier.
         at, part = divmod(int(number), 3)
         last = f"{before}{3 * at + 1}.weight" not in state
         if last:
@@ -112,7 +118,7 @@ def renamed_glue(state, heads):
 
 
 def made_pictures():
-    """Two pictures of the same spots and bars, the second moved."""
+    """Returns two synthetic images of the same spots and waves. The second is shifted."""
     shown = []
     for moved in (0, 16):
         y, x = np.mgrid[:120, :160].astype(float)
@@ -131,9 +137,9 @@ def pictures(folder):
         return made_pictures()
     files = sorted(folder.iterdir())
     if len(files) < 6:
-        sys.exit(f"{folder}: holds {len(files)} pictures; the first and the sixth are compared")
+        sys.exit(f"{folder}: found {len(files)} images, need at least 6 to compare the first and the sixth")
     opened = (Image.open(file).convert("RGB") for file in (files[0], files[5]))
-    # Cells are whole: what the program repeats at the rim the reference does not see.
+    # The size is a whole number of cells, because the reference does not have the padding of OSTRA.
     return [picture.resize((640, 480)).crop((0, 0, 320, 240)) for picture in opened]
 
 
@@ -148,7 +154,7 @@ def grey(picture, fault):
 
 
 class Asked:
-    """What the reference says of two pictures."""
+    """The results of the reference for two images."""
 
     def __init__(self, model, tones):
         kept = {}
@@ -162,7 +168,7 @@ class Asked:
         given = torch.stack(tones)[None, :, None].expand(-1, -1, 3, -1, -1)
         points = model.keypoint_detector(given[0])
         if not bool(points.mask.all()):
-            sys.exit("too few keypoints; try another --seed")
+            sys.exit("found too few keypoints; try another --seed")
         size = torch.tensor([tones[0].shape[1], tones[0].shape[0]])
         self.keypoints, self.scores = points.keypoints * size, points.scores
         self.descriptors = points.descriptors
@@ -177,7 +183,10 @@ BORDERS = modeling_superpoint.remove_keypoints_from_borders
 
 
 def without_rim(keypoints, scores, rim, height, width):
-    """As the official code does: there sizes are multiplied by 8 that count cells, in `transformers` those of pixels."""
+    """Removes keypoints near the border like the official code.
+
+    Both multiply the size by 8. The official code passes the size in cells, but `transformers` passes it in pixels.
+    """
     return BORDERS(keypoints, scores, rim, height // 8, width // 8)
 
 
@@ -185,12 +194,12 @@ modeling_superpoint.remove_keypoints_from_borders = without_rim
 
 
 def draw(size, seed, most, tones):
-    """Seeded weights under which what two keypoints have in common varies as trained ones make it; and the reference."""
+    """Returns both networks and the reference, with seeded weights under which agreement varies as if trained."""
     points, glue = exporter.SuperPoint(size), exporter.SuperGlue(size)
     exporter.randomise(points, seed)
     exporter.randomise(glue, seed + 1)
     for layer in glue.gnn.layers:
-        # As trained, a layer changes a descriptor by a part of it.
+        # A layer changes a descriptor only a little, like a trained layer.
         layer.mlp[-1].weight.data *= 0.02
     glue.kenc.encoder[-1].weight.data *= 0.1
     model = reference(size, most)
@@ -200,7 +209,7 @@ def draw(size, seed, most, tones):
         model.load_state_dict(state)
 
     def centre(of):
-        # Under random weights descriptors are hardly more than what all have in common.
+        # With random weights, descriptors consist almost only of their common mean.
         glue.final_proj.bias.data = -glue.final_proj.weight.squeeze(-1) @ of.projected.mean((0, 1))
 
     load()
@@ -216,16 +225,19 @@ def draw(size, seed, most, tones):
 
 
 def drawn(size, seed, most, tones):
-    """The first draw under which a fair share of the keypoints has a partner."""
+    """Returns the first draw that gives a partner to a fair share of the keypoints."""
     for draws in range(DRAWS):
         points, glue, model = draw(size, seed + draws, most, tones)
         if MATCHED[0] <= Asked(model, tones).matched <= MATCHED[1]:
             return points, glue, model
-    sys.exit(f"none of {DRAWS} draws matches {MATCHED[0]:.0%} to {MATCHED[1]:.0%}; try another --seed")
+    sys.exit(f"none of {DRAWS} draws matches {MATCHED[0]:.0%} to {MATCHED[1]:.0%} of keypoints; try another --seed")
 
 
 def write(out, name, shown, asked):
-    """`reference.json` tells where in `reference.bin`, little-endian 32-bit floats, each tensor begins."""
+    """Writes the reference files to `out`.
+
+    `reference.bin` holds little-endian 32-bit floats. `reference.json` gives the start of each tensor in it.
+    """
     values, frames = [], []
 
     def put(tensor):
@@ -247,11 +259,11 @@ def write(out, name, shown, asked):
     }
     np.concatenate(values).tofile(out / "reference.bin")
     (out / "reference.json").write_text(json.dumps(told) + "\n")
-    print(f"{name}: agreement varies by {asked.agreement.std():.2f}, {asked.matched:.0%} of the keypoints have a partner")
+    print(f"{name}: agreement varies by {asked.agreement.std():.2f}, {asked.matched:.0%} of keypoints have a partner")
 
 
 def check_names():
-    """Our names and shapes are those of the official checkpoints, which `load_state_dict` asks for one by one."""
+    """Checks that parameter names and shapes match the official ones, because `load_state_dict` requires them."""
     size = exporter.SIZES["official"]
     for network, checkpoint in (("superpoint", "superpoint_v1"), ("superglue", "superglue")):
         state = exporter.build(network, size).state_dict()

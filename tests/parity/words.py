@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Tokens and captions as `transformers` makes them for Grounding DINO, with a small vocabulary: `words.json`.
+"""Writes `words.json`: tokens and captions of Grounding DINO from `transformers`, with a small vocabulary.
 
     pip install torch transformers
     python3 tests/parity/words.py
@@ -40,7 +40,7 @@ CAPTIONS = [["cat"], ["the red cat", "panicle of rice", "zebra"], ["Cats.", "dog
 
 
 def attention(tokenizer, ids):
-    """The reference is told the numbers that its special tokens have here."""
+    """Returns the mask and positions of the reference, called with the special token ids of this vocabulary."""
     own = [tokenizer.convert_tokens_to_ids(token) for token in ("[CLS]", "[SEP]", ".", "?")]
     masks = reference.generate_masks_with_special_tokens_and_transfer_map
     mask, positions = masks(torch.tensor([ids]), torch.tensor(own))

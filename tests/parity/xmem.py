@@ -1,20 +1,25 @@
 #!/usr/bin/env python3
-"""XMem as it runs here beside its official implementation, on the same random weights.
+"""Compares XMem in OSTRA with the official implementation, using the same random weights.
 
     git clone https://github.com/hkchengrex/XMem OFFICIAL
     pip install torch onnx pillow
     python3 tests/parity/xmem.py OUT --official OFFICIAL [--size tiny|full] [--frames FOLDER] [--seed S]
                                  [--cases consolidated added] [--fault bgr|shift|no-memory] [--no-test]
 
-Builds the official network with seeded weights, exports them with `assets/export/xmem.py`, has the official code follow
-three objects through 30 pictures, and writes all to OUT; then the crate's own test follows them with the exported
-networks and compares every mask and probability. Two cases: `consolidated`, whose limits are so low that memory is
-consolidated and forgotten several times, and `added`, in which one object comes later and another is told again.
-Without FOLDER pictures are made. Weights are random but for what makes a comparison tell something: keys are centred and
-sharpened, so that few cells are read out; masks weigh more in what is remembered; and the last layer is fitted to the first
-masks as they would drift over some pictures, so that what is followed stays in sight. Draws under which the official
-code's own answers change by rounding are left out. A fault put into the reference must make the test fail. `tests/parity/xmem-tiny` is OUT of
-`--size tiny`.
+The script builds the official network with seeded weights. It exports the weights with `assets/export/xmem.py`. The
+official code then tracks three objects through 30 images, and the script writes the results to OUT. Finally the test of
+the crate tracks them with the exported networks, and compares every mask and probability.
+
+There are two cases. In `consolidated` the limits are so low that memory is consolidated and forgotten several times. In
+`added` one object appears later, and another gets a second mask.
+
+The weights are random, with changes that make the comparison meaningful. Keys are centred and sharpened, so that
+few cells are read out. Masks weigh more in the remembered values. The last layer is fitted to the first masks, which
+drift over some images. This keeps the objects in sight. The script rejects draws for which rounding changes the answers
+of the official code.
+
+Without FOLDER the script uses synthetic images. `--fault` puts a fault into the reference, and the test must then fail.
+`tests/parity/xmem-tiny` is OUT of `--size tiny`.
 """
 
 import argparse
@@ -35,24 +40,27 @@ sys.path.insert(0, str(ROOT / "assets" / "export"))
 import xmem as exporter  # noqa: E402
 
 FRAMES = 30
-# The share of a picture that a mask may cover, and the least that it must change, for the comparison to mean something.
+# Least and largest share of an image that a mask may cover, and its least change. Outside these ranges the comparison
+# means little.
 COVERED = (0.02, 0.60)
 CHANGED = 0.03
-# What rounding may change of the official code's own answers (probability, share of equal pixels), well within what the
-# crate's test asks for (1e-2, 0.999), so that a difference is a fault; and the rounding of its pictures, as a share.
+# Limits for the effect of rounding on the answers of the official code: change of a probability, and share of equal
+# pixels. The limits of the crate's test (1e-2, 0.999) are wider, so that a larger difference is a fault.
 STEADY = (5e-3, 0.9997)
+# Relative rounding error of the images.
 ROUNDING, NOISE = 2e-7, np.random.default_rng(0)
 DRAWS = 200
 CASES = ["consolidated", "added"]
-# With weights drawn alone, the 30th cell that is read out counts like the first, so that rounding chooses among thousands: under
-# a noise of 2e-7 the official code differs from itself by 0.04. Sharper keys, masks that weigh more and the fitted last layer
-# bring that to 2e-3, and the crate then agrees with the official code to 4e-4 at full size.
-SHARPNESS = 10.0  # of what is alike: of the cells that are read out, the last must hardly count, or rounding chooses
-LOGIT = 3.0  # of what is wanted of the last layer
-MASKS = 12.0  # how much more what is remembered depends on masks than on pictures
-ROUNDS, FITTED = 3, 8  # how often the last layer is fitted, and to how many pictures
-SAMPLES = 4000  # places of a picture that it is fitted to
-DRIFT = [(0.0, 0.004), (0.004, 0.0), (0.0, -0.004)]  # of each first mask, in shares of the picture and frame
+# With purely random weights, the 30th cell that is read out counts as much as the first. Rounding then chooses among
+# thousands of cells. A noise of 2e-7 changes the answers of the official code by 0.04. Sharper keys, a larger weight of
+# masks and the fitted last layer reduce this to 2e-3. At full size the crate then agrees with the official code to
+# 4e-4.
+SHARPNESS = 10.0  # scale of the keys; makes the last cell that is read out count very little
+LOGIT = 3.0  # target logit of the last layer
+MASKS = 12.0  # weight of masks relative to images in the remembered values
+ROUNDS, FITTED = 3, 8  # number of fits of the last layer, and of images in each fit
+SAMPLES = 4000  # positions per image in a fit
+DRIFT = [(0.0, 0.004), (0.004, 0.0), (0.0, -0.004)]  # of each first mask, as a share of the image per frame
 MEAN, DEVIATION = [0.485, 0.456, 0.406], [0.229, 0.224, 0.225]
 
 
@@ -66,7 +74,7 @@ class Official:
         from model import modules, resnet
         from model.network import XMem
 
-        # Weights of other networks to begin with are not needed.
+        # Pretrained weights are not needed.
         deep, flat = resnet.resnet50, resnet.resnet18
         resnet.resnet50 = lambda pretrained, extra_dim=0: deep(False, extra_dim)
         resnet.resnet18 = lambda pretrained, extra_dim=0: flat(False, extra_dim)
@@ -86,7 +94,7 @@ class Official:
         return model.eval()
 
     def narrow(self, model, size):
-        """Puts narrower layers of the official kinds in the place of the full ones."""
+        """Replaces the full layers with narrower ones of the same official types."""
         of, w = self.modules, size.width
         self.stages(model.key_encoder, 3, self.resnet.Bottleneck, ["res2", "layer2", "layer3"], size.picture_blocks, w)
         self.stages(model.value_encoder, 5, self.resnet.BasicBlock, ["layer1", "layer2", "layer3"], size.mask_blocks, w)
@@ -110,9 +118,9 @@ class Official:
 
 
 def made_pictures():
-    """Three shapes that move before a gradient that changes too.
+    """Yields synthetic images of three shapes that move in front of a changing gradient.
 
-    Cells that look exactly alike could be matched in any order.
+    No cells look exactly alike, because such cells could be matched in any order.
     """
     height, width = 60, 90
     y, x = np.mgrid[:height, :width] / height
@@ -140,7 +148,7 @@ def pictures(folder):
 
 
 def given_mask(picture, folder):
-    """Labels 1 to 3 on the first picture."""
+    """Returns the input mask of the first image, with labels 1 to 3."""
     width, height = picture.size
     y, x = np.mgrid[:height, :width] / height
     mask = np.zeros((height, width), np.uint8)
@@ -173,11 +181,11 @@ def limits(**changed):
 
 
 def cases(mask, size, chosen):
-    """What is told at which frame, and how much is remembered."""
+    """Returns the memory limits of each case, and its input masks by frame."""
     only = lambda *labels: np.where(np.isin(mask, labels), mask, 0).astype(np.uint8)  # noqa: E731
     many = size.name == "xmem"
     low = limits(num_prototypes=128, max_long_term_elements=600) if many else limits()
-    # Limits that are not reached: the official code does not consolidate objects that come later.
+    # These limits are never reached, because the official code does not consolidate objects that appear later.
     high = limits(max_mid_term_frames=40, min_mid_term_frames=20)
     all_cases = {"consolidated": (low, {0: mask}), "added": (high, {0: only(1, 2), 5: only(3), 12: only(1)})}
     return {name: all_cases[name] for name in chosen}
@@ -198,13 +206,13 @@ def prepared(picture, side, fault):
 
 
 def sized(shape, side):
-    """Rows and columns when the shorter are `side`, as torchvision's `Resize` has them."""
+    """Returns the rows and columns for a shorter side of `side`, like torchvision's `Resize`."""
     short, long = min(shape), int(side * max(shape) / min(shape))
     return (side, long) if shape[0] == short else (long, side)
 
 
 def follow(official, model, size, shown, case, asked):
-    """Probabilities [1 + labels, height, width] of every frame, at its own size."""
+    """Returns the probabilities [1 + labels, height, width] of every frame, at its own size."""
     limits, given = case
     config = limits | {"hidden_dim": size.hidden, "key_dim": size.key, "value_dim": size.value}
     core = official.core(model, config=config)
@@ -226,7 +234,7 @@ def follow(official, model, size, shown, case, asked):
 
 
 def calibrate(official, model, size, shown, mask, asked):
-    """Scales keys so that memory tells things apart, and fits the last layer to masks that move."""
+    """Scales keys so that memory distinguishes objects, and fits the last layer to moving masks."""
     image = F.pad(prepared(shown[0], asked.side, None), (0, 16, 0, 16))
     image = image[:, : image.shape[1] // 16 * 16, : image.shape[2] // 16 * 16][None]
     f16 = model.key_encoder(image)[0]
@@ -253,9 +261,10 @@ def calibrate(official, model, size, shown, mask, asked):
 
 
 def features(official, model, size, shown, mask, asked, is_led):
-    """What the last layer sees of every picture after the first: [objects and places, 9 · channels + 1], and its cells.
+    """Returns the inputs of the last layer for every image after the first, and its grid size.
 
-    The wanted masks are put in the place of its own answers where it is led.
+    The inputs have the shape [objects · positions, 9 · channels + 1]. If `is_led`, the target masks replace the
+    answers of the network.
     """
     seen, segment = [], model.segment
 
@@ -279,7 +288,7 @@ def features(official, model, size, shown, mask, asked, is_led):
 
 
 def moved(mask, at):
-    """The first masks some frames on: each drifts its own way."""
+    """Returns the first masks after `at` frames. Each mask drifts in its own direction."""
     height, width = mask.shape
     out = np.zeros_like(mask)
     for label, (down, right) in enumerate(DRIFT):
@@ -295,9 +304,9 @@ def wanted_logits(mask, cells):
 
 
 def build(official, size, shown, told, asked):
-    """The reference with weights that let the comparison mean something, and its answers per case.
+    """Returns the reference with weights that make the comparison meaningful, and its answers per case.
 
-    A fault is put into it when the weights are chosen, which are those of a sound run.
+    The weights are chosen without the fault.
     """
     mask = given_mask(shown[0], asked.frames)
     model = official.model(size)
@@ -314,7 +323,7 @@ def build(official, size, shown, told, asked):
             if not (COVERED[0] <= covers[0] and covers[1] <= COVERED[1] and changed >= CHANGED):
                 break
             largest, equal = apart(answers[name], walk(case, rounded))
-            print(f"  by rounding: {largest:.1e} in a probability, {equal:.3%} of a mask equal", flush=True)
+            print(f"  rounding: changes a probability by {largest:.1e}, leaves {equal:.3%} of a mask equal", flush=True)
             if largest > STEADY[0] or equal < STEADY[1]:
                 break
         else:
@@ -322,18 +331,18 @@ def build(official, size, shown, told, asked):
                 remembered = official.manager.match_memory
                 official.manager.match_memory = lambda self, key, selection: 0 * remembered(self, key, selection)
             return model, answers if asked.fault is None else {name: walk(case, asked) for name, case in told.items()}
-    sys.exit(f"none of {DRAWS} draws gives masks that can be compared; try another --seed")
+    sys.exit(f"none of the {DRAWS} draws gives masks that can be compared; try another --seed")
 
 
 def apart(answers, others):
-    """The largest difference of a probability, and the least share of equal pixels in a frame."""
+    """Returns the largest difference of a probability, and the least share of equal pixels in a frame."""
     pairs = list(zip(answers, others))
     largest = max(float((a - b).abs().max()) for a, b in pairs)
     return largest, min(float((a.argmax(0) == b.argmax(0)).float().mean()) for a, b in pairs)
 
 
 def spread(answers):
-    """The least and largest share that a label covers, and the least change of one over all frames (1 − IoU)."""
+    """Returns the least and largest share that a label covers, and the least change (1 − IoU) over all frames."""
     masks = [answer.argmax(0) for answer in answers]
     shares, changes = [], []
     for label in range(1, answers[-1].shape[0]):
@@ -345,7 +354,10 @@ def spread(answers):
 
 
 def write(out, size, shown, told, answers, tensors, asked):
-    """`reference.json` tells where in `reference.bin`, little-endian 32-bit floats, each tensor begins."""
+    """Writes the reference files to `out`.
+
+    `reference.bin` holds little-endian 32-bit floats. `reference.json` gives the start of each tensor in it.
+    """
     values = []
 
     def put(tensor):
@@ -385,7 +397,7 @@ def write(out, size, shown, told, answers, tensors, asked):
 
 
 def first_tensors(model, shown, asked):
-    """What the official encoder makes of the first picture."""
+    """Returns the outputs of the official encoder for the first image."""
     from util.tensor_util import pad_divide_by
 
     image, _ = pad_divide_by(prepared(shown[0], asked.side, asked.fault), 16)
@@ -394,7 +406,7 @@ def first_tensors(model, shown, asked):
 
 
 def check_names(official):
-    """Our names and shapes are those of the official checkpoint, which `load_state_dict` asks for one by one."""
+    """Checks that parameter names and shapes match the official ones, because `load_state_dict` requires them."""
     listed = lambda state: sorted(" ".join([name, *map(str, v.shape)]) for name, v in state.items())  # noqa: E731
     expected = (ROOT / "tests" / "parity" / "XMem-s012.txt").read_text().splitlines()
     with torch.device("meta"):
@@ -410,8 +422,8 @@ def main():
     parser.add_argument("--size", choices=exporter.SIZES, default="tiny")
     parser.add_argument("--frames", type=Path)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--side", type=int, help="shorter side that the network sees", default=None)
-    parser.add_argument("--every", type=int, default=14, help="write probabilities of every so many frames")
+    parser.add_argument("--side", type=int, help="shorter side of the network's input, in pixels", default=None)
+    parser.add_argument("--every", type=int, default=14, help="write the probabilities of every Nth frame")
     parser.add_argument("--cases", nargs="+", choices=CASES, default=CASES)
     parser.add_argument("--fault", choices=["bgr", "shift", "no-memory"])
     parser.add_argument("--no-test", action="store_true")

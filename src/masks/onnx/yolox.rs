@@ -301,7 +301,7 @@ mod tests {
         };
         for (phrases, reported) in [
             (vec!["banana".to_owned(), "panicle".to_owned()], "'panicle'"),
-            (Vec::new(), "no word"),
+            (Vec::new(), "nothing to search for"),
         ] {
             let asked = GroundRequest {
                 phrases: &phrases,
