@@ -311,7 +311,7 @@ fn child() {
 fn killed_at(root: &Path, enough: usize) -> Vec<usize> {
     let exe = std::env::current_exe().unwrap();
     let args = [
-        "long_films::child",
+        "long_videos::child",
         "--exact",
         "--nocapture",
         "--test-threads",
@@ -348,8 +348,8 @@ fn kill_while_tracking_keeps_every_finished_frame() {
     const COUNT: usize = 120;
     let folder = tempfile::tempdir().unwrap();
     let root = project(folder.path(), (320, 180), COUNT as u64, 60);
-    let keyframeed = || opened(&root).project().unwrap().masks.len();
-    assert_eq!(keyframeed(), 1);
+    let mask_count = || opened(&root).project().unwrap().masks.len();
+    assert_eq!(mask_count(), 1);
     let killed = [10, 30, 75].map(|enough| {
         let safe = killed_at(&root, enough);
         assert!(

@@ -122,7 +122,7 @@ impl CameraWork {
         }
         save(&sparse_path(&self.root, self.version), frames, &result)?;
         sync_folder(&self.root.join("versions"))?;
-        let coordinates = match result.is_keyframeed && poses == Poses::Kept {
+        let coordinates = match result.has_given_poses && poses == Poses::Kept {
             true => self.project.coordinates(),
             false => Coordinates::chosen_with(self.version, result.is_metric),
         };

@@ -46,7 +46,7 @@ pub struct Cameras {
     /// Calibrations of images that were found to be misaligned with their depths.
     pub(super) calibrations: Vec<Calibration>,
     /// Whether the cameras are in the coordinates of poses that were kept.
-    pub(super) is_keyframeed: bool,
+    pub(super) has_given_poses: bool,
     /// Whether lengths are metres, for cameras that are not anchored.
     pub(super) is_metric: bool,
     /// Warnings for the user.
@@ -57,7 +57,7 @@ pub struct Cameras {
 impl From<SfmResult> for Cameras {
     fn from(result: SfmResult) -> Self {
         let (engine, settings) = (ResultEngine::Sfm, settings(&result));
-        let (is_keyframeed, is_metric) = (result.start == Start::Given, result.scale.is_some());
+        let (has_given_poses, is_metric) = (result.start == Start::Given, result.scale.is_some());
         let SfmResult {
             cameras,
             sparse,
@@ -75,7 +75,7 @@ impl From<SfmResult> for Cameras {
             outcomes,
             links,
             calibrations,
-            is_keyframeed,
+            has_given_poses,
             is_metric,
             warnings,
             stopped,
@@ -114,7 +114,7 @@ impl Cameras {
             outcomes,
             links,
             calibrations,
-            is_keyframeed: false,
+            has_given_poses: false,
             is_metric: true,
             warnings: Vec::new(),
             stopped,
