@@ -257,7 +257,9 @@ fn larger_of_two_scenes_is_kept_and_the_other_reported() {
     for k in 0..3 {
         let why = reason(&message, &format!("castle{k}.png"));
         assert!(
-            why.starts_with("belongs to model 2 of 3 images, which is not connected with the one kept"),
+            why.starts_with(
+                "belongs to model 2 of 3 images, which is not connected with the one kept"
+            ),
             "{why}"
         );
     }
