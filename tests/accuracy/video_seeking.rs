@@ -370,7 +370,7 @@ fn relative_paths_and_addresses_are_refused() {
         };
         let error = FrameStore::new(1).image(&frame).unwrap_err().to_string();
         assert!(
-            error.contains(address) && (error.contains("absolute") || error.contains("not there")),
+            error.contains(address) && (error.contains("absolute") || error.contains("is missing")),
             "{error}"
         );
     }
