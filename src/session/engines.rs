@@ -98,6 +98,21 @@ pub(crate) fn grounder(grounder: GrounderId) -> Result<Arc<dyn TextGrounder>> {
     })
 }
 
+/// Returns the number of frames that keep `auto` from using the depth of the others.
+///
+/// Stereo depth of only some frames does not help on the frames in between. Holes in the depth of
+/// a sensor are filled from other frames.
+pub(crate) fn frames_without_stereo_depth(project: &Project) -> usize {
+    let frames = &project.frames;
+    if frames.iter().any(Frame::has_sensor_depth) || !frames.iter().any(Frame::has_posed_depth) {
+        return 0;
+    }
+    frames
+        .iter()
+        .filter(|frame| !frame.has_posed_depth())
+        .count()
+}
+
 /// Creates the tracker of the settings; `auto` is the best installed one that the frames allow.
 pub fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tracker>> {
     let requested = settings.tracker.installed()?;
@@ -105,11 +120,8 @@ pub fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tr
         &project.frames,
         project.frames.iter().any(Frame::has_posed_depth),
     );
-    // Stereo depth of only some frames does not help on the frames in between.
-    let everywhere =
-        frames.iter().any(Frame::has_sensor_depth) || frames.iter().all(Frame::has_posed_depth);
     let tracker = match requested {
-        TrackerId::Auto if any && everywhere => TrackerId::Geometry,
+        TrackerId::Auto if any && frames_without_stereo_depth(project) == 0 => TrackerId::Geometry,
         // On videos, networks are far better than optical flow.
         TrackerId::Auto => [TrackerId::XMem, TrackerId::Deaot]
             .into_iter()
@@ -298,5 +310,41 @@ pub fn registration(registration: RegistrationId) -> Option<GlobalRegistration> 
         RegistrationId::Auto => None,
         RegistrationId::Fgr => Some(GlobalRegistration::Fgr),
         RegistrationId::Ransac => Some(GlobalRegistration::Ransac),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::frames_without_stereo_depth;
+    use ostra_frames::DepthSource;
+    use ostra_project::Project;
+    use ostra_project::testing::{camera, frame};
+
+    fn project(depths: [bool; 3]) -> Project {
+        let frames = depths.map(|has_depth| {
+            let mut frame = frame("a.png");
+            frame.camera = Some(camera(0.0));
+            frame.depth = has_depth.then(|| DepthSource::Estimated {
+                made: "depths/a.tif".into(),
+                scale: 1.0,
+            });
+            frame
+        });
+        Project {
+            frames: Arc::new(frames.to_vec()),
+            ..Project::default()
+        }
+    }
+
+    #[test]
+    fn only_stereo_depth_of_some_frames_keeps_auto_from_reprojection() {
+        assert_eq!(frames_without_stereo_depth(&project([true; 3])), 0);
+        assert_eq!(frames_without_stereo_depth(&project([false; 3])), 0);
+        assert_eq!(
+            frames_without_stereo_depth(&project([true, false, false])),
+            2
+        );
     }
 }

@@ -27,8 +27,17 @@ impl Session {
         let request = track_request(&project, &self.store, settings)?;
         let tracker = engines::tracker(settings, &project)?;
         if settings.tracker == TrackerId::Auto {
+            let without = engines::frames_without_stereo_depth(&project);
+            let why = if without > 0 {
+                format!(
+                    " ({without} of {} frames have no depth map; 'geometry' is taken once all have one)",
+                    project.frames.len()
+                )
+            } else {
+                String::new()
+            };
             self.events
-                .push(Event::Notice(format!("tracker: {}", tracker.name())));
+                .push(Event::Notice(format!("tracker: {}{why}", tracker.name())));
         }
         let engine = tracker.name();
         let job = self.start(JobTask::Track, JobKind::Long, move |context| {
