@@ -61,7 +61,7 @@ impl PosedCamera {
     ///
     /// The position may lie outside the image.
     #[must_use]
-    #[inline]
+    #[inline(always)] // A call costs as much as the projection; the fusion projects every point into every frame.
     pub fn project(&self, x_in_world: DVec3) -> Option<Projection> {
         let x_in_camera = self.transform(x_in_world);
         let at_px = if matches!(self.camera.distortion, Distortion::None) {
