@@ -6,7 +6,7 @@ use super::object::{Evidence, Object, Prediction, SHAPE};
 use super::options::FlowOptions;
 use super::plane::{Plane, median};
 use super::votes::{Displacement, Source, Vote, votes};
-use ostra_masks::cut::Window;
+use ostra_masks::cut::PixelWindow;
 use ostra_masks::{LabelMask, Region, squared_distance_to};
 
 /// Odds of a pixel outside the object's reach.
@@ -112,7 +112,7 @@ pub(super) fn evidence(
 /// Returns the evidence for an object that is expected nowhere.
 fn no_evidence() -> Evidence {
     Evidence {
-        window: Window {
+        window: PixelWindow {
             left: 0,
             top: 0,
             right: 0,
@@ -133,7 +133,7 @@ fn votes_of_both(
     prediction: &Prediction,
     change: &Change,
     beyond: &FrameAhead<'_>,
-    window: Window,
+    window: PixelWindow,
 ) -> Option<Vec<Vote>> {
     let there = beyond.mask.region(object.id);
     if there.is_empty() {
@@ -168,9 +168,9 @@ fn votes_of_both(
 }
 
 /// Returns the window within reach of the expected shape; `None` if nothing is expected.
-fn window_of(expected: &Plane, reach: f32) -> Option<Window> {
+fn window_of(expected: &Plane, reach: f32) -> Option<PixelWindow> {
     let (width, height) = (expected.width, expected.height);
-    let mut found: Option<Window> = None;
+    let mut found: Option<PixelWindow> = None;
     for (at, _) in expected
         .values
         .iter()
@@ -178,7 +178,7 @@ fn window_of(expected: &Plane, reach: f32) -> Option<Window> {
         .filter(|(_, value)| **value > SHAPE)
     {
         let (x, y) = (at % width, at / width);
-        let window = found.get_or_insert(Window {
+        let window = found.get_or_insert(PixelWindow {
             left: x,
             top: y,
             right: x + 1,
@@ -189,7 +189,7 @@ fn window_of(expected: &Plane, reach: f32) -> Option<Window> {
         window.bottom = y + 1;
     }
     let reach = reach.ceil() as usize + 1;
-    found.map(|window| Window {
+    found.map(|window| PixelWindow {
         left: window.left.saturating_sub(reach),
         top: window.top.saturating_sub(reach),
         right: (window.right + reach).min(width),
@@ -198,7 +198,7 @@ fn window_of(expected: &Plane, reach: f32) -> Option<Window> {
 }
 
 /// Returns the distance in pixels of each window pixel from the expected shape.
-fn distances(expected: &Plane, window: Window) -> Vec<f32> {
+fn distances(expected: &Plane, window: PixelWindow) -> Vec<f32> {
     let inside = window
         .places(expected.width)
         .map(|at| expected.values[at] > SHAPE)

@@ -7,7 +7,7 @@ use super::motion::{Step, similarity};
 use super::options::FlowOptions;
 use super::plane::{Plane, median};
 use super::tracked_image::{ColorModel, TrackedImage};
-use ostra_masks::cut::{Borders, Window};
+use ostra_masks::cut::{Borders, PixelWindow};
 use ostra_masks::{Connectivity, LabelId, Region, components, squared_distance_to};
 
 /// Maximum number of pixels sampled to estimate the object's motion.
@@ -474,7 +474,7 @@ fn keep_expected(mask: &mut Region, expected: &Plane, level: f32) {
 
 /// Evidence for and against each pixel of a window belonging to an object.
 pub(super) struct Evidence {
-    pub window: Window,
+    pub window: PixelWindow,
     /// Log-odds, row by row.
     pub odds: Vec<f32>,
     /// Contribution of the motion to the odds, before its weight.

@@ -15,7 +15,7 @@ use wide::f32x8;
 
 use super::plane::{Flow, Plane, corners};
 use super::tracked_image::TrackedImage;
-use ostra_masks::cut::Window;
+use ostra_masks::cut::PixelWindow;
 
 /// Half width of a patch: pixels from its centre to its side.
 const HALF: usize = 2;
@@ -89,7 +89,11 @@ impl Vote {
 ///
 /// Method: Rousseau, Habas, Studholme, "A supervised patch-based approach for human brain
 /// labeling", IEEE Transactions on Medical Imaging, 2011.
-pub(super) fn votes(image: &TrackedImage, window: Window, sources: &[Source<'_>]) -> Vec<Vote> {
+pub(super) fn votes(
+    image: &TrackedImage,
+    window: PixelWindow,
+    sources: &[Source<'_>],
+) -> Vec<Vote> {
     let (width, height) = (window.width().next_multiple_of(LANES), window.height());
     let target = Planes::of(image, window, HALF, Displacement::Motion(Affine2::IDENTITY));
     let seen: Vec<Planes<4>> = sources
@@ -124,14 +128,14 @@ struct Planes<const N: usize> {
 
 impl Planes<3> {
     /// Samples an image at the pixels of a window and its margin.
-    fn of(image: &TrackedImage, window: Window, margin: usize, way: Displacement<'_>) -> Self {
+    fn of(image: &TrackedImage, window: PixelWindow, margin: usize, way: Displacement<'_>) -> Self {
         Self::seen(image, window, margin, way, |at| weighed(image.lab[at]))
     }
 }
 
 impl Planes<4> {
     /// Samples a source as far as it is searched.
-    fn of_source(source: &Source<'_>, window: Window) -> Self {
+    fn of_source(source: &Source<'_>, window: PixelWindow) -> Self {
         Self::seen(
             source.image,
             window,
@@ -148,7 +152,7 @@ impl Planes<4> {
 impl<const N: usize> Planes<N> {
     fn seen(
         image: &TrackedImage,
-        window: Window,
+        window: PixelWindow,
         margin: usize,
         way: Displacement<'_>,
         values: impl Fn(usize) -> [f32; N] + Sync,
@@ -286,7 +290,7 @@ mod tests {
 
     const WIDTH: usize = 45;
     const HEIGHT: usize = 35;
-    const WHOLE: Window = Window {
+    const WHOLE: PixelWindow = PixelWindow {
         left: 0,
         top: 0,
         right: WIDTH,
@@ -402,7 +406,7 @@ mod tests {
         let (before, now) = (image(18, false), image(21, false));
         let share = share(Some(18));
         let whole = votes(&now, WHOLE, &[source(&before, &share, 3)]);
-        let part = Window {
+        let part = PixelWindow {
             left: 14,
             top: 9,
             right: 33,
