@@ -1,11 +1,11 @@
 use glam::{Affine2, Vec2};
 
-use super::change::Change;
+use super::change::FrameChange;
 use super::memory::Recalled;
-use super::object::{Evidence, Object, Prediction, SHAPE};
+use super::object::{Evidence, Prediction, SHAPE, TrackedObject};
 use super::options::FlowOptions;
 use super::plane::{Plane, median};
-use super::votes::{Displacement, Source, Vote, votes};
+use super::votes::{Displacement, Vote, VoteSource, votes};
 use ostra_masks::cut::PixelWindow;
 use ostra_masks::{LabelMask, Region, squared_distance_to};
 
@@ -25,14 +25,14 @@ const MIN_EVIDENCE: f32 = 0.05;
 
 /// Observations of the next frame and its neighbours.
 pub(super) struct FrameEvidence<'a> {
-    pub change: &'a Change,
+    pub change: &'a FrameChange,
     pub beyond: Option<&'a FrameAhead<'a>>,
     pub recalled: Option<&'a Recalled>,
 }
 
 /// Combines flow, position, colours, motion, memory and neighbouring patches into odds.
 pub(super) fn evidence(
-    object: &Object,
+    object: &TrackedObject,
     prediction: &Prediction,
     &FrameEvidence {
         change,
@@ -129,9 +129,9 @@ fn no_evidence() -> Evidence {
 /// Returns `None` if the mask ahead does not show the object, because it may not have been tracked
 /// there.
 fn votes_of_both(
-    object: &Object,
+    object: &TrackedObject,
     prediction: &Prediction,
-    change: &Change,
+    change: &FrameChange,
     beyond: &FrameAhead<'_>,
     window: PixelWindow,
 ) -> Option<Vec<Vote>> {
@@ -141,14 +141,14 @@ fn votes_of_both(
     }
     let own = Plane::of_mask(change.next.width, change.next.height, &object.mask().inside);
     let share_beyond = Plane::of_mask(change.next.width, change.next.height, &there.inside);
-    let last = |way, reach| Source {
+    let last = |way, reach| VoteSource {
         image: &change.last,
         share: &own,
         way,
         reach,
         weight: 2.0 * (1.0 - beyond.share),
     };
-    let next = |way, reach| Source {
+    let next = |way, reach| VoteSource {
         image: &beyond.change.next,
         share: &share_beyond,
         way,
@@ -217,7 +217,7 @@ fn distances(expected: &Plane, window: PixelWindow) -> Vec<f32> {
 /// Returns the log-odds per pixel of moving like the object; 0 if both motions are alike.
 fn motion_odds<'a>(
     prediction: &Prediction,
-    change: &'a Change,
+    change: &'a FrameChange,
 ) -> impl Fn(Vec2, usize) -> f32 + use<'a> {
     let back: Affine2 = prediction.motion.inverse();
     let off_object = move |at: Vec2, place: usize| {
@@ -260,7 +260,7 @@ fn motion_odds<'a>(
 /// The mask is the keyframe's own, or comes from the keyframe on that side.
 pub(super) struct FrameAhead<'a> {
     /// Flow from the next frame to this one.
-    pub change: &'a Change,
+    pub change: &'a FrameChange,
     pub mask: LabelMask,
     /// Weight of its mask relative to the last frame's, 0–1.
     pub share: f32,
