@@ -11,7 +11,7 @@ use super::report::{
 use super::user::{DemoDriver, ProgressSink, SimulatedUser};
 use super::workspace;
 use crate::cloud_score::{CloudScoreOptions, score_cloud};
-use crate::synthetic::{Scene, SceneOptions, TruthOptions, View};
+use crate::synthetic::{Scene, SceneOptions, SyntheticView, TruthOptions};
 use ostra_cloud::LabelledCloud;
 use ostra_cloud::ply::{SavedColors, read_mesh, read_ply, save_mesh, save_ply};
 use ostra_core::disk;
@@ -281,7 +281,7 @@ fn make_recording(scene: &Scene, out: &Path) -> Result<LabelledCloud> {
     Ok(cloud)
 }
 
-fn new_project(out: &Path, method: DemoMethod, views: &[View]) -> NewProject {
+fn new_project(out: &Path, method: DemoMethod, views: &[SyntheticView]) -> NewProject {
     let recording = out.join("recording");
     let given = |path: &str, given: bool| given.then(|| recording.join(path));
     let depth = given("depth", method != DemoMethod::Stereo);
@@ -318,7 +318,7 @@ fn new_project(out: &Path, method: DemoMethod, views: &[View]) -> NewProject {
 fn align(
     [cloud, mesh]: [Option<&PathBuf>; 2],
     frames: &[Frame],
-    views: &[View],
+    views: &[SyntheticView],
     alignment: Alignment,
 ) -> Result<()> {
     let pairs = frames.iter().zip(views).filter_map(|(frame, view)| {
