@@ -24,7 +24,7 @@ pub struct SeeingPixels<'a> {
 
 /// What a pixel is known to see.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Pixel {
+enum PixelState {
     /// Selected points.
     Chosen,
     /// Other points, or a place without a point.
@@ -109,11 +109,11 @@ impl<'a> SeeingPixels<'a> {
             (None, Some(lifted)) => self.at_place(lifted, at),
             (None, None) => nearest(&recorded, at, mask.width),
         };
-        let mut pixels: Vec<Pixel> = (0..recorded.len()).into_par_iter().map(pixel).collect();
+        let mut pixels: Vec<PixelState> = (0..recorded.len()).into_par_iter().map(pixel).collect();
         close_blind(&mut pixels, mask);
         let inside = pixels
             .into_iter()
-            .map(|pixel| pixel == Pixel::Chosen)
+            .map(|pixel| pixel == PixelState::Chosen)
             .collect();
         Some(Region {
             width: mask.width,
@@ -143,9 +143,9 @@ impl<'a> SeeingPixels<'a> {
         any.then_some(recorded)
     }
 
-    fn at_place(&self, lifted: &Lifted<'_>, at: usize) -> Pixel {
+    fn at_place(&self, lifted: &Lifted<'_>, at: usize) -> PixelState {
         let Some(place) = lifted.place(at) else {
-            return Pixel::Blind;
+            return PixelState::Blind;
         };
         let near = place.cmpge(self.bounds.0).all() && place.cmple(self.bounds.1).all();
         let is_chosen = || {
@@ -153,19 +153,19 @@ impl<'a> SeeingPixels<'a> {
             distance <= self.reach && self.chosen[point]
         };
         if near && is_chosen() {
-            Pixel::Chosen
+            PixelState::Chosen
         } else {
-            Pixel::Other
+            PixelState::Other
         }
     }
 }
 
 impl Observations {
-    fn pixel(self) -> Option<Pixel> {
+    fn pixel(self) -> Option<PixelState> {
         match (self.chosen, self.others) {
             (0, 0) => None,
-            (chosen, others) if chosen >= others => Some(Pixel::Chosen),
-            _ => Some(Pixel::Other),
+            (chosen, others) if chosen >= others => Some(PixelState::Chosen),
+            _ => Some(PixelState::Other),
         }
     }
 }
@@ -173,7 +173,7 @@ impl Observations {
 /// Returns what the nearest pixel with a recorded point sees, within a few columns and rows.
 ///
 /// Among equally near pixels the first one wins.
-fn nearest(recorded: &[Observations], at: usize, width: u32) -> Pixel {
+fn nearest(recorded: &[Observations], at: usize, width: u32) -> PixelState {
     let (width, reach) = (width as usize, FILL_PX as usize);
     let (x, y) = (at % width, at / width);
     let columns = x.saturating_sub(reach)..=(x + reach).min(width - 1);
@@ -185,7 +185,7 @@ fn nearest(recorded: &[Observations], at: usize, width: u32) -> Pixel {
     });
     seeing
         .min_by_key(|&(squared, _)| squared)
-        .map_or(Pixel::Blind, |(_, pixel)| pixel)
+        .map_or(PixelState::Blind, |(_, pixel)| pixel)
 }
 
 /// Distance over which unknown pixels of a label follow known ones, as a share of the longer side.
@@ -199,10 +199,10 @@ const UNLABELLED_REACH: usize = 2;
 ///
 /// These are the pixels nearest to selected ones along pixels of the same label in `mask`, and
 /// unlabelled holes enclosed by selected pixels.
-fn close_blind(pixels: &mut [Pixel], mask: &LabelMask) {
-    let mut known: Vec<Pixel> = pixels.to_vec();
+fn close_blind(pixels: &mut [PixelState], mask: &LabelMask) {
+    let mut known: Vec<PixelState> = pixels.to_vec();
     let mut front: Vec<usize> = (0..pixels.len())
-        .filter(|&at| pixels[at] != Pixel::Blind)
+        .filter(|&at| pixels[at] != PixelState::Blind)
         .collect();
     let reach = (REACH * f64::from(mask.width.max(mask.height))).ceil() as usize;
     for step in 0..reach {
@@ -210,7 +210,7 @@ fn close_blind(pixels: &mut [Pixel], mask: &LabelMask) {
         for at in front {
             let goes_on = mask.ids[at] != LabelId::NONE || step < UNLABELLED_REACH;
             for other in adjacent(at, mask).filter(|_| goes_on) {
-                if known[other] == Pixel::Blind && mask.ids[other] == mask.ids[at] {
+                if known[other] == PixelState::Blind && mask.ids[other] == mask.ids[at] {
                     known[other] = known[at];
                     next.push(other);
                 }
@@ -220,18 +220,18 @@ fn close_blind(pixels: &mut [Pixel], mask: &LabelMask) {
     }
     let holes = holes(&known, mask);
     for (at, pixel) in pixels.iter_mut().enumerate() {
-        if known[at] == Pixel::Chosen || holes[at] {
-            *pixel = Pixel::Chosen;
+        if known[at] == PixelState::Chosen || holes[at] {
+            *pixel = PixelState::Chosen;
         }
     }
 }
 
 /// Returns the unlabelled, unknown pixels that selected pixels enclose on all sides.
-fn holes(known: &[Pixel], mask: &LabelMask) -> Vec<bool> {
+fn holes(known: &[PixelState], mask: &LabelMask) -> Vec<bool> {
     let inside = known
         .iter()
         .zip(&mask.ids)
-        .map(|(&pixel, &id)| pixel == Pixel::Blind && id == LabelId::NONE)
+        .map(|(&pixel, &id)| pixel == PixelState::Blind && id == LabelId::NONE)
         .collect();
     let unknown = components(
         &Region {
@@ -246,7 +246,7 @@ fn holes(known: &[Pixel], mask: &LabelMask) -> Vec<bool> {
     for at in (0..known.len()).filter(|&at| unknown.labels[at] > 0) {
         let own = unknown.labels[at];
         let closed = adjacent(at, mask)
-            .filter(|&other| unknown.labels[other] == own || known[other] == Pixel::Chosen);
+            .filter(|&other| unknown.labels[other] == own || known[other] == PixelState::Chosen);
         open[own as usize] |= closed.count() < 4;
     }
     unknown

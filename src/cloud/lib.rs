@@ -27,7 +27,7 @@
 //!
 //! ```rust
 //! use glam::Vec3;
-//! use ostra_cloud::ply::{Coloring, write_ply};
+//! use ostra_cloud::ply::{SavedColors, write_ply};
 //! use ostra_cloud::{LabelledCloud, voxelize};
 //! use ostra_core::job::Progress;
 //! use ostra_masks::LabelId;
@@ -43,7 +43,7 @@
 //! assert_eq!(voxels.labels, [LabelId(1)]);
 //!
 //! let mut file = Vec::new();
-//! write_ply(&mut file, &voxels, Coloring::default(), &Progress::default())?;
+//! write_ply(&mut file, &voxels, SavedColors::default(), &Progress::default())?;
 //! assert!(file.starts_with(b"ply\n"));
 //! # Ok(())
 //! # }

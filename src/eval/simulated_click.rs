@@ -70,7 +70,7 @@ pub fn next_label_click(
             inside,
         })
     };
-    let mut largest: Option<(LabelId, bool, Part)> = None;
+    let mut largest: Option<(LabelId, bool, ErrorComponent)> = None;
     for &label in open {
         let missed = wrong(&|truth, current| truth == label && current != label);
         let excess =
@@ -90,26 +90,26 @@ pub fn next_label_click(
 }
 
 /// A connected part of a region.
-struct Part {
+struct ErrorComponent {
     pixels: Region,
     area: usize,
 }
 
 /// Returns the largest 4-connected component; ties go to the first in row order.
-fn largest_part(region: &Region) -> Part {
+fn largest_part(region: &Region) -> ErrorComponent {
     let found = components(region, Connectivity::Four);
     let largest = (0..found.areas.len())
         .rev()
         .max_by_key(|&at| found.areas[at]);
     let label = largest.map_or(u32::MAX, |at| at as u32 + 1);
     let inside = found.labels.iter().map(|&of| of == label).collect();
-    Part {
+    ErrorComponent {
         pixels: Region { inside, ..*region },
         area: largest.map_or(0, |at| found.areas[at]),
     }
 }
 
-fn click_in(part: &Part, include: bool) -> Option<Click> {
+fn click_in(part: &ErrorComponent, include: bool) -> Option<Click> {
     let (x, y) = deepest_point(&part.pixels)?;
     Some(Click {
         at_px: DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5),

@@ -3,7 +3,7 @@
 //! A cut separates two regions where the colours change most.
 
 use super::lab::squared_difference;
-use super::maxflow::{FlowGraph, Link};
+use super::maxflow::{FlowGraph, FlowLink};
 
 /// Capacity units per natural logarithm of odds.
 const UNIT: f32 = 10_000.0;
@@ -12,7 +12,7 @@ const LEAST: f32 = 0.03;
 
 /// A rectangle of pixels: columns `left..right`, rows `top..bottom`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Window {
+pub struct PixelWindow {
     /// First column.
     pub left: usize,
     /// First row.
@@ -23,7 +23,7 @@ pub struct Window {
     pub bottom: usize,
 }
 
-impl Window {
+impl PixelWindow {
     /// Number of columns.
     pub fn width(&self) -> usize {
         self.right - self.left
@@ -46,15 +46,15 @@ impl Window {
 /// An outline costs least where colours change (Boykov, Jolly, "Interactive graph cuts", ICCV
 /// 2001).
 pub struct Borders {
-    window: Window,
-    links: Vec<Link>,
+    window: PixelWindow,
+    links: Vec<FlowLink>,
 }
 
 impl Borders {
     /// Computes the prices from an image in CIE Lab that is `width` pixels wide.
     ///
     /// `weight` is the price per pixel side on even colour, as a natural logarithm of odds.
-    pub fn new(lab: &[[f32; 3]], width: usize, window: Window, weight: f32) -> Self {
+    pub fn new(lab: &[[f32; 3]], width: usize, window: PixelWindow, weight: f32) -> Self {
         let places: Vec<usize> = window.places(width).collect();
         let (width, height) = (window.width(), window.height());
         let lab = |at: usize| lab[places[at]];
@@ -70,7 +70,7 @@ impl Borders {
         let mean = pairs.iter().map(|pair| pair.2).sum::<f32>() / pairs.len().max(1) as f32;
         let link = |&(a, b, difference): &(usize, usize, f32)| {
             let price = weight * ((-difference / (2.0 * mean + 1e-6)).exp() + LEAST) * UNIT;
-            Link {
+            FlowLink {
                 from: a as u32,
                 to: b as u32,
                 forward: price as i32,

@@ -11,7 +11,7 @@ const ORPHAN: u32 = u32::MAX - 2;
 
 /// An edge of a [`FlowGraph`] with its capacity in both directions.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Link {
+pub(crate) struct FlowLink {
     pub from: u32,
     pub to: u32,
     pub forward: i32,
@@ -34,7 +34,7 @@ impl FlowGraph {
     /// Builds a graph over `terminal.len()` nodes.
     ///
     /// A `terminal` above 0 is a capacity from the source, below 0 to the sink.
-    pub fn new(terminal: Vec<i32>, links: &[Link]) -> Self {
+    pub fn new(terminal: Vec<i32>, links: &[FlowLink]) -> Self {
         let nodes = terminal.len();
         let mut first = vec![0u32; nodes + 2];
         for link in links {
@@ -74,7 +74,7 @@ impl FlowGraph {
 
     /// Returns which nodes are on the source's side of the minimum cut (the smallest such set).
     pub fn source_side(self) -> Vec<bool> {
-        let mut search = Search::new(self);
+        let mut search = SearchTrees::new(self);
         search.run();
         search
             .tree
@@ -92,7 +92,7 @@ enum Tree {
 }
 
 /// State of the two search trees.
-struct Search {
+struct SearchTrees {
     graph: FlowGraph,
     tree: Vec<Tree>,
     /// Arc from the node to its parent, or one of the markers above.
@@ -106,7 +106,7 @@ struct Search {
     time: u32,
 }
 
-impl Search {
+impl SearchTrees {
     fn new(graph: FlowGraph) -> Self {
         let nodes = graph.terminal.len();
         let mut search = Self {
@@ -347,7 +347,7 @@ mod tests {
 
     use super::*;
 
-    fn cut_value(inside: &[bool], terminal: &[i32], links: &[Link]) -> i64 {
+    fn cut_value(inside: &[bool], terminal: &[i32], links: &[FlowLink]) -> i64 {
         let cut = |(node, &capacity): (usize, &i32)| {
             let paid = if capacity > 0 {
                 !inside[node]
@@ -356,7 +356,8 @@ mod tests {
             };
             if paid { i64::from(capacity.abs()) } else { 0 }
         };
-        let across = |link: &Link| match (inside[link.from as usize], inside[link.to as usize]) {
+        let across = |link: &FlowLink| match (inside[link.from as usize], inside[link.to as usize])
+        {
             (true, false) => i64::from(link.forward),
             (false, true) => i64::from(link.backward),
             _ => 0,
@@ -364,7 +365,7 @@ mod tests {
         terminal.iter().enumerate().map(cut).sum::<i64>() + links.iter().map(across).sum::<i64>()
     }
 
-    fn least_cut(terminal: &[i32], links: &[Link]) -> i64 {
+    fn least_cut(terminal: &[i32], links: &[FlowLink]) -> i64 {
         (0..1u32 << terminal.len())
             .map(|bits| {
                 let inside: Vec<bool> = (0..terminal.len())
@@ -383,9 +384,9 @@ mod tests {
             raw in prop::collection::vec((0u32..10, 0u32..10, 0i32..15, 0i32..15), 0..30),
         ) {
             let nodes = terminal.len() as u32;
-            let links: Vec<Link> = raw
+            let links: Vec<FlowLink> = raw
                 .into_iter()
-                .map(|(from, to, forward, backward)| Link { from: from % nodes, to: to % nodes, forward, backward })
+                .map(|(from, to, forward, backward)| FlowLink { from: from % nodes, to: to % nodes, forward, backward })
                 .filter(|link| link.from != link.to)
                 .collect();
             let inside = FlowGraph::new(terminal.clone(), &links).source_side();
@@ -395,10 +396,10 @@ mod tests {
 
     #[test]
     fn chain_is_cut_at_its_weakest_link() {
-        let links: Vec<Link> = [5, 4, 1, 6]
+        let links: Vec<FlowLink> = [5, 4, 1, 6]
             .iter()
             .enumerate()
-            .map(|(at, &capacity)| Link {
+            .map(|(at, &capacity)| FlowLink {
                 from: at as u32,
                 to: at as u32 + 1,
                 forward: capacity,

@@ -85,7 +85,7 @@ impl Stamp {
 
 /// State of a file in a folder of exports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Known {
+pub enum ExportFileState {
     /// Unchanged since OSTRA exported it.
     Unchanged,
     /// Exported by OSTRA and changed since.
@@ -142,14 +142,14 @@ impl ExportRecord {
 
     /// Returns the state of a file in the folder, or `None` if OSTRA did not write it.
     #[must_use]
-    pub fn known(&self, folder: &Path, file: &Path) -> Option<Known> {
+    pub fn state_of(&self, folder: &Path, file: &Path) -> Option<ExportFileState> {
         let name = name_below(folder, file)?;
         let found = fs::symlink_metadata(file)
             .ok()
             .filter(Metadata::is_file)
             .map(|found| Exported::of(&found));
         if found.is_some() && self.files.get(&name) == found.as_ref() {
-            return Some(Known::Unchanged);
+            return Some(ExportFileState::Unchanged);
         }
         let began = self
             .pending
@@ -158,9 +158,11 @@ impl ExportRecord {
         if let (Some(began), Some(found)) = (began, &found)
             && found.modified_ns >= *began
         {
-            return Some(Known::Interrupted);
+            return Some(ExportFileState::Interrupted);
         }
-        self.files.contains_key(&name).then_some(Known::Changed)
+        self.files
+            .contains_key(&name)
+            .then_some(ExportFileState::Changed)
     }
 }
 
@@ -231,11 +233,11 @@ const MAX_CLAIM_BYTES: u64 = 1 << 30;
 /// The claim file takes as much disk space as the record of the written files will need. The record
 /// can therefore be written even if the disk becomes full.
 #[derive(Debug)]
-pub struct Claim {
+pub struct ExportClaim {
     _file: AtomicFile,
 }
 
-impl Claim {
+impl ExportClaim {
     /// Claims files of a folder by their names below it.
     ///
     /// The folder must be locked with [`lock_folder`].
@@ -322,7 +324,7 @@ mod tests {
     fn claimed_files_cannot_be_claimed_again_until_released() {
         let dir = tempfile::tempdir().unwrap();
         let claim = |names: &[&str]| {
-            Claim::take(
+            ExportClaim::take(
                 dir.path(),
                 &names
                     .iter()
@@ -349,6 +351,6 @@ mod tests {
     fn files_claimed_by_a_killed_export_are_free() {
         let dir = tempfile::tempdir().unwrap();
         fs::write(dir.path().join(".ostra-exporting.x.tmp"), r#"["a.ply"]"#).unwrap();
-        Claim::take(dir.path(), &["a.ply".to_owned()]).unwrap();
+        ExportClaim::take(dir.path(), &["a.ply".to_owned()]).unwrap();
     }
 }

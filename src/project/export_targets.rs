@@ -12,8 +12,8 @@ use anyhow::{Context, Result, bail};
 
 use crate::Project;
 use crate::export_record::{
-    Claim, ExportRecord, FileId, Known, RECORD, Stamp, WHOLE_FOLDER, files_below, is_being_written,
-    lock_folder, name_below,
+    ExportClaim, ExportFileState, ExportRecord, FileId, RECORD, Stamp, WHOLE_FOLDER, files_below,
+    is_being_written, lock_folder, name_below,
 };
 use ostra_core::disk;
 
@@ -107,16 +107,16 @@ impl ExportTargets {
             };
             bail!("{}: is {what}; choose another name", file.display());
         }
-        match record.known(folder, file) {
-            Some(Known::Unchanged) => Ok(()),
+        match record.state_of(folder, file) {
+            Some(ExportFileState::Unchanged) => Ok(()),
             Some(_) if self.overwrite => Ok(()),
-            Some(Known::Changed) => {
+            Some(ExportFileState::Changed) => {
                 bail!(
                     "{}: was changed since it was exported; choose another name, or replace it {HOW}",
                     file.display()
                 )
             }
-            Some(Known::Interrupted)
+            Some(ExportFileState::Interrupted)
                 if name_below(folder, file).is_some_and(|name| is_being_written(folder, &name)) =>
             {
                 bail!(
@@ -124,7 +124,7 @@ impl ExportTargets {
                     file.display()
                 )
             }
-            Some(Known::Interrupted) => bail!(
+            Some(ExportFileState::Interrupted) => bail!(
                 "{}: an interrupted export may have left it; choose another name, or replace it {HOW}",
                 file.display()
             ),
@@ -161,8 +161,8 @@ impl ExportTargets {
         let (mut others, mut changed) = (Vec::new(), Vec::new());
         for file in files_below(folder)? {
             self.check_source(&file)?;
-            match record.known(folder, &file) {
-                Some(Known::Unchanged) => {}
+            match record.state_of(folder, &file) {
+                Some(ExportFileState::Unchanged) => {}
                 Some(known) => changed.push((file, known)),
                 None => others.push(file),
             }
@@ -177,7 +177,7 @@ impl ExportTargets {
         }
         if let Some((first, known)) = changed.first().filter(|_| !self.overwrite) {
             let what = match known {
-                Known::Interrupted => "left by an interrupted export, or put there since",
+                ExportFileState::Interrupted => "left by an interrupted export, or put there since",
                 _ => "changed since the export",
             };
             bail!(
@@ -288,7 +288,7 @@ fn stamps(files: impl IntoIterator<Item = PathBuf>) -> BTreeMap<PathBuf, Stamp> 
 /// A folder that receives exports.
 struct Begun {
     folder: PathBuf,
-    claim: Claim,
+    claim: ExportClaim,
     /// The files in it before the export, if all of its files are exports.
     whole: Option<BTreeMap<PathBuf, Stamp>>,
 }
@@ -318,7 +318,7 @@ fn begin(files: &[PathBuf], folders: &[PathBuf]) -> Result<Vec<Begun>> {
             .with_context(|| format!("{}: cannot be made; check permissions", folder.display()))?;
         let _locked = lock_folder(folder)?;
         disk::remove_leftovers(folder, is_whole);
-        let claim = Claim::take(folder, &names)?;
+        let claim = ExportClaim::take(folder, &names)?;
         let mut record = ExportRecord::read(folder, RECORD);
         record
             .pending

@@ -1,6 +1,6 @@
 //! The meaning of a prompt on a frame.
 //!
-//! It consists of the mask that the prompt refines, the questions to the segmenter, and the pixels
+//! It consists of the mask that the prompt refines, the queries of the segmenter, and the pixels
 //! that the answer may take. Window, command line, preview and simulated users all use
 //! [`PromptMeaning`], so that they agree.
 
@@ -23,18 +23,18 @@ pub struct PromptMeaning {
     prompt: Prompt,
     /// The mask that the answer is composed into.
     mask: LabelMask,
-    /// The pixels that the first question refines.
+    /// The pixels that the first query refines.
     previous: Option<Region>,
     /// Questions in order. Each refines the answer to the one before, and the last answer counts.
-    questions: Vec<Question>,
+    queries: Vec<SegmentQuery>,
     /// Labels whose pixels the answer may take.
     yielding: Vec<LabelId>,
-    of: State,
+    of: PromptInputs,
 }
 
 /// One request to the segmenter.
 #[derive(Debug, Clone)]
-struct Question {
+struct SegmentQuery {
     prompt: Prompt,
     /// Pixels that the answer may not take.
     taken: Option<Region>,
@@ -42,13 +42,13 @@ struct Question {
 
 /// The state that a meaning depends on, apart from the prompt itself.
 #[derive(Debug, Clone, PartialEq)]
-struct State {
+struct PromptInputs {
     mask: Option<FrameMask>,
     prompts: Vec<(LabelId, Prompt)>,
     labels: LabelTree,
 }
 
-impl State {
+impl PromptInputs {
     fn of(project: &Project, frame: usize) -> Self {
         let range = (frame, LabelId(0))..=(frame, LabelId(u16::MAX));
         let prompts = project.prompts.range(range);
@@ -82,10 +82,10 @@ impl PromptMeaning {
         } else {
             clicks
         };
-        let questions = (first..=clicks).map(|clicks| {
+        let queries = (first..=clicks).map(|clicks| {
             let mut request = request.clone();
             request.prompt.clicks.truncate(clicks);
-            Question {
+            SegmentQuery {
                 taken: taken(project, &mask, &request),
                 prompt: Prompt {
                     corrects,
@@ -101,9 +101,9 @@ impl PromptMeaning {
                 ..request.prompt.clone()
             },
             previous,
-            questions: questions.collect(),
+            queries: queries.collect(),
             yielding: giving_way(project, &mask, request),
-            of: State::of(project, request.frame),
+            of: PromptInputs::of(project, request.frame),
             mask,
         })
     }
@@ -111,7 +111,7 @@ impl PromptMeaning {
     /// Returns whether the prompt still has this meaning for the project.
     #[must_use]
     pub fn is_of(&self, project: &Project) -> bool {
-        self.of == State::of(project, self.frame)
+        self.of == PromptInputs::of(project, self.frame)
     }
 
     /// Segments the pixels that the prompt asks for, given everything else on the frame.
@@ -121,11 +121,11 @@ impl PromptMeaning {
     /// Returns an error if the segmenter fails or is stopped.
     pub fn segment(&self, ready: &dyn PreparedFrame, progress: &Progress) -> Result<Region> {
         let mut answer = None;
-        for question in &self.questions {
+        for query in &self.queries {
             let request = SegmentRequest {
-                prompt: &question.prompt,
+                prompt: &query.prompt,
                 previous: answer.as_ref().or(self.previous.as_ref()),
-                taken: question.taken.as_ref(),
+                taken: query.taken.as_ref(),
             };
             answer = Some(ready.segment(&request, progress)?);
         }

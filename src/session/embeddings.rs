@@ -96,13 +96,13 @@ mod tests {
     use std::time::SystemTime;
 
     use super::*;
-    use ostra_masks::onnx::sam::Part;
+    use ostra_masks::onnx::sam::ImagePart;
 
     fn embedding(value: f32) -> Embedding {
         Embedding {
             width: 4,
             height: 4,
-            part: Part::whole(4, 4),
+            part: ImagePart::whole(4, 4),
             channels: 1,
             cells: 2,
             values: vec![value; 4],

@@ -9,7 +9,7 @@ use ostra_core::job::Progress;
 use ostra_frames::{DepthMap, Image};
 use ostra_masks::onnx::Yolox;
 use ostra_masks::onnx::grounding::GroundingDino;
-use ostra_masks::onnx::sam::{CloseUps, Part, Sam};
+use ostra_masks::onnx::sam::{CloseUps, ImagePart, Sam};
 use ostra_masks::{
     MaskError, PreparedFrame, Segmenter, TextGrounder, TrackRequest, TrackedFrame, Tracker,
 };
@@ -70,7 +70,7 @@ impl Segmenter for KeptSam {
         if self.is_close {
             return Ok(Arc::new(CloseUps::new(sam, Arc::clone(image))));
         }
-        let embed = || sam.embed(image, Part::whole(image.width, image.height), progress);
+        let embed = || sam.embed(image, ImagePart::whole(image.width, image.height), progress);
         let embedding = match Embeddings::ours() {
             Some(kept) => kept.get(sam.encoder(), image, embed)?,
             None => embed()?,

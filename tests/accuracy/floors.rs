@@ -7,7 +7,7 @@ use std::process::Command as Process;
 use ostra_cloud::LabelledCloud;
 use ostra_cloud::ply::read_ply;
 use ostra_core::job::Progress;
-use ostra_eval::cloud_score::{CloudScoreOptions, LabelScore, score_cloud};
+use ostra_eval::cloud_score::{CloudLabelScore, CloudScoreOptions, score_cloud};
 use ostra_eval::simulated_click::next_click;
 use ostra_eval::synthetic::{Scene, TruthOptions};
 use ostra_frames::{FrameFolder, OpenRequest};
@@ -20,7 +20,11 @@ use crate::session::perform;
 use crate::shelf::{new_project, track};
 use crate::tiller::{Tiller, tiller};
 
-fn score(truth: &LabelledCloud, result: &LabelledCloud, options: &CloudScoreOptions) -> LabelScore {
+fn score(
+    truth: &LabelledCloud,
+    result: &LabelledCloud,
+    options: &CloudScoreOptions,
+) -> CloudLabelScore {
     score_cloud(truth, result, options, &Progress::default())
         .unwrap()
         .labels

@@ -6,7 +6,7 @@ use ostra_cloud::fuse::{
     ChangedMask, FuseOptions, Fused, MaskVote, OntoOptions, Views, fuse, relabel, vote_onto,
     write_votes,
 };
-use ostra_cloud::ply::{Coloring, read_ply, write_ply};
+use ostra_cloud::ply::{SavedColors, read_ply, write_ply};
 use ostra_cloud::points::Neighbours;
 use ostra_cloud::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
@@ -77,7 +77,7 @@ fn bytes(fused: &Fused) -> (Vec<u8>, Vec<u8>) {
     write_ply(
         &mut cloud,
         &fused.cloud,
-        Coloring::Image,
+        SavedColors::Image,
         &Progress::default(),
     )
     .unwrap();

@@ -14,7 +14,7 @@ use std::time::Instant;
 
 use ostra_cloud::LabelledCloud;
 use ostra_cloud::fuse::{ChangedMask, FuseOptions, Fused, fuse, read_votes, relabel, write_votes};
-use ostra_cloud::ply::{Coloring, read_ply, save_ply};
+use ostra_cloud::ply::{SavedColors, read_ply, save_ply};
 use ostra_core::job::Progress;
 use ostra_frames::Frame;
 use ostra_masks::{LabelId, LabelMask, LabelTree};
@@ -134,7 +134,7 @@ fn bench_ply() {
     let cloud = LabelledCloud::from_positions((0..5_000_000).map(position).collect());
     let path = std::env::temp_dir().join(format!("ostra-bench-{}.ply", std::process::id()));
     let ((), wall, cpu) =
-        timed(|| save_ply(&path, &cloud, Coloring::Image, &Progress::default()).unwrap());
+        timed(|| save_ply(&path, &cloud, SavedColors::Image, &Progress::default()).unwrap());
     println!("ply: 5 M points written in {wall:.2} s, {cpu:.2} s of CPU");
     let (_, wall, cpu) = timed(|| read_ply(&path, &Progress::default()).unwrap());
     println!("ply: 5 M points read in {wall:.2} s, {cpu:.2} s of CPU");

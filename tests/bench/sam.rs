@@ -19,7 +19,7 @@ use std::time::Instant;
 use glam::DVec2;
 use ostra_core::job::Progress;
 use ostra_frames::Image;
-use ostra_masks::onnx::sam::{Part, Sam};
+use ostra_masks::onnx::sam::{ImagePart, Sam};
 use ostra_masks::{Click, PreparedFrame, Prompt, SegmentRequest};
 
 const CLICKS: u32 = 20;
@@ -67,7 +67,11 @@ fn times(sam: &Sam, width: u32, height: u32) {
     };
     let start = Instant::now();
     let embedding = sam
-        .embed(&image, Part::whole(width, height), &Progress::default())
+        .embed(
+            &image,
+            ImagePart::whole(width, height),
+            &Progress::default(),
+        )
         .expect("the encoder runs");
     let encoded = start.elapsed();
     let frame = Arc::new(

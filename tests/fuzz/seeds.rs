@@ -6,7 +6,7 @@ use image::codecs::tiff::TiffEncoder;
 use image::{
     ExtendedColorType, ImageBuffer, ImageEncoder, ImageFormat, Luma, Rgb, RgbImage, Rgba, RgbaImage,
 };
-use ostra_cloud::ply::{Coloring, save_mesh, write_ply};
+use ostra_cloud::ply::{SavedColors, save_mesh, write_ply};
 use ostra_cloud::{LabelledCloud, LabelledMesh};
 use ostra_core::job::Progress;
 use ostra_frames::{DepthMap, EstimatedDepth};
@@ -322,7 +322,13 @@ fn cloud() -> LabelledCloud {
 
 pub fn clouds() -> Vec<Seed> {
     let mut binary = Vec::new();
-    write_ply(&mut binary, &cloud(), Coloring::Image, &Progress::default()).unwrap();
+    write_ply(
+        &mut binary,
+        &cloud(),
+        SavedColors::Image,
+        &Progress::default(),
+    )
+    .unwrap();
     let header = "ply\nformat ascii 1.0\ncomment label 1 0 leaf\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nproperty float red\nproperty int label\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
     let big = "ply\nformat binary_big_endian 1.0\nelement vertex 1\nproperty double x\nproperty double y\nproperty double z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
     let values = [1.0_f64, 2.0, 3.0]
@@ -346,7 +352,7 @@ pub fn meshes() -> Vec<Seed> {
     };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("m.ply");
-    save_mesh(&path, &mesh, Coloring::Image, &Progress::default()).unwrap();
+    save_mesh(&path, &mesh, SavedColors::Image, &Progress::default()).unwrap();
     let text = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n";
     vec![
         Seed::new("m.ply", std::fs::read(path).unwrap()),

@@ -9,7 +9,7 @@ use egui_kittest::kittest::Queryable;
 use glam::Vec3;
 use ostra_app::{Dialog, Prefs, Shell, Window};
 use ostra_cloud::LabelledCloud;
-use ostra_cloud::ply::{Coloring, save_ply};
+use ostra_cloud::ply::{SavedColors, save_ply};
 use ostra_core::job::Progress;
 use ostra_eval::synthetic::{Scene, SceneOptions};
 use ostra_frames::{FrameFolder, OpenRequest};
@@ -299,7 +299,7 @@ fn scene_view_is_saved_as_an_image_of_any_size() {
     let plane = (0..10_000).map(|k| Vec3::new((k % 100) as f32, (k / 100) as f32, 0.0) * 0.01);
     let mut cloud = LabelledCloud::from_positions(plane.collect());
     cloud.colors = vec![[200, 40, 30]; cloud.len()];
-    save_ply(&ply, &cloud, Coloring::Image, &Progress::default()).unwrap();
+    save_ply(&ply, &cloud, SavedColors::Image, &Progress::default()).unwrap();
     let mut harness = window();
     inner(&mut harness).act(Command::Inspect(ply));
     until(&mut harness, "the cloud is there", |harness| {

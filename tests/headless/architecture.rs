@@ -85,7 +85,7 @@ fn sources() -> Vec<Source> {
 }
 
 /// Returns whether the module, or a folder that contains it, is declared under `#[cfg(test)]`.
-fn is_test_module(path: &Path) -> bool {
+pub(super) fn is_test_module(path: &Path) -> bool {
     let named = |path: &Path| {
         path.file_stem()
             .map(|stem| stem.to_string_lossy().into_owned())

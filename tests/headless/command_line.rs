@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use image::{GrayImage, ImageBuffer, Luma};
-use ostra_cloud::ply::{Coloring, read_ply, save_ply};
+use ostra_cloud::ply::{SavedColors, read_ply, save_ply};
 use ostra_core::job::Progress;
 use ostra_masks::{LabelId, read_palette_png};
 use serde_json::Value;
@@ -126,7 +126,7 @@ fn fusion_after_a_correction_only_votes_again_and_equals_a_full_fusion() {
         .unwrap();
     let mut marked = read_ply(&file, &Progress::default()).unwrap().cloud;
     marked.colors[7] = [1, 2, 3];
-    save_ply(&file, &marked, Coloring::Image, &Progress::default()).unwrap();
+    save_ply(&file, &marked, SavedColors::Image, &Progress::default()).unwrap();
 
     for frame in ["0", "2", "3"] {
         done(&[

@@ -218,7 +218,7 @@ fn inline_paths(code: &str) -> Vec<Vec<String>> {
     paths.map(parts).collect()
 }
 
-fn rust_files(folder: &Path) -> Vec<PathBuf> {
+pub(super) fn rust_files(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     let mut folders = vec![folder.to_path_buf()];
     while let Some(folder) = folders.pop() {
@@ -236,7 +236,7 @@ fn rust_files(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// Returns the code without comments and without its test module.
-fn product_code(text: &str) -> String {
+pub(super) fn product_code(text: &str) -> String {
     let code = text
         .split("#[cfg(test)]\nmod tests {")
         .next()

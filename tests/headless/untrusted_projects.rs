@@ -9,7 +9,7 @@ use std::process::Output;
 use std::sync::OnceLock;
 
 use ostra_cloud::LabelledCloud;
-use ostra_cloud::ply::{Coloring, read_ply, save_ply};
+use ostra_cloud::ply::{SavedColors, read_ply, save_ply};
 use ostra_core::job::Progress;
 use ostra_session::{Command, Session};
 use tempfile::TempDir;
@@ -707,7 +707,7 @@ fn votes_of_another_cloud_are_refused_until_the_next_fusion() {
         tree: cloud.tree.clone(),
         ..LabelledCloud::from_positions(cloud.positions[9..].to_vec())
     };
-    save_ply(&path, &fewer, Coloring::Image, &Progress::default()).unwrap();
+    save_ply(&path, &fewer, SavedColors::Image, &Progress::default()).unwrap();
     let votes = format!(
         "has votes on {} points, but there are {}",
         cloud.len(),

@@ -69,7 +69,7 @@ impl Picked {
 }
 
 /// Pick in progress.
-struct Pick {
+struct ActivePick {
     purpose: Purpose,
     cloud: Arc<LabelledCloud>,
     picking: Picking,
@@ -80,8 +80,8 @@ struct Pick {
 /// Picks of clicks finish in order. For the wheel, one pick runs at a time.
 #[derive(Default)]
 pub(super) struct ScenePicks {
-    clicks: VecDeque<Pick>,
-    wheel: Option<Pick>,
+    clicks: VecDeque<ActivePick>,
+    wheel: Option<ActivePick>,
 }
 
 impl ScenePicks {
@@ -103,7 +103,7 @@ impl ScenePicks {
         let picking = Picking::begin(Arc::clone(cloud), request, move || {
             waker.request_repaint();
         });
-        let pick = Pick {
+        let pick = ActivePick {
             purpose,
             cloud: Arc::clone(cloud),
             picking,
@@ -117,7 +117,7 @@ impl ScenePicks {
 
     /// Returns the next finished pick; a click waits for earlier ones.
     pub fn next(&mut self) -> Option<Picked> {
-        let known = |pick: &Pick| pick.picking.next();
+        let known = |pick: &ActivePick| pick.picking.next();
         let wheel = self
             .wheel
             .as_ref()
@@ -127,7 +127,7 @@ impl ScenePicks {
             let point = self.clicks.front().and_then(known)?;
             Some((self.clicks.pop_front()?, point))
         };
-        let (Pick { purpose, cloud, .. }, point) = wheel.or_else(click)?;
+        let (ActivePick { purpose, cloud, .. }, point) = wheel.or_else(click)?;
         Some(Picked {
             purpose,
             cloud,

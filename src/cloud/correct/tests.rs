@@ -1,4 +1,4 @@
-use super::{Pixel, close_blind};
+use super::{PixelState, close_blind};
 use ostra_masks::{LabelId, LabelMask};
 
 /// Runs `close_blind` on an image drawn with letters.
@@ -6,11 +6,11 @@ use ostra_masks::{LabelId, LabelMask};
 /// `c` is selected, `o` is another point and a blank is unknown. Digits are the labels of the mask.
 fn closed(pixels: &[&str], labels: &[&str]) -> Vec<String> {
     let kind = |letter: u8| match letter {
-        b'c' => Pixel::Chosen,
-        b'o' => Pixel::Other,
-        _ => Pixel::Blind,
+        b'c' => PixelState::Chosen,
+        b'o' => PixelState::Other,
+        _ => PixelState::Blind,
     };
-    let mut found: Vec<Pixel> = pixels
+    let mut found: Vec<PixelState> = pixels
         .iter()
         .flat_map(|row| row.bytes())
         .map(kind)
@@ -22,10 +22,10 @@ fn closed(pixels: &[&str], labels: &[&str]) -> Vec<String> {
         .collect();
     let (width, height) = (pixels[0].len() as u32, pixels.len() as u32);
     close_blind(&mut found, &LabelMask { width, height, ids });
-    let letter = |pixel: &Pixel| match pixel {
-        Pixel::Chosen => 'c',
-        Pixel::Other => 'o',
-        Pixel::Blind => ' ',
+    let letter = |pixel: &PixelState| match pixel {
+        PixelState::Chosen => 'c',
+        PixelState::Other => 'o',
+        PixelState::Blind => ' ',
     };
     found
         .chunks(width as usize)

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use super::las::{self, Packing};
 use super::{glb, labels, npz, obj, pcd, vox};
-use crate::ply::{Coloring, save_mesh, save_ply};
+use crate::ply::{SavedColors, save_mesh, save_ply};
 use crate::whole_file::{unplaced, write_whole};
 use crate::{LabelledCloud, LabelledMesh, SceneError};
 use ostra_core::job::Progress;
@@ -67,7 +67,7 @@ impl CloudFormat {
         self,
         path: &Path,
         cloud: &LabelledCloud,
-        coloring: Coloring,
+        coloring: SavedColors,
         progress: &Progress,
     ) -> Result<(), SceneError> {
         if cloud.is_empty() {
@@ -164,7 +164,7 @@ impl MeshFormat {
         self,
         path: &Path,
         mesh: &LabelledMesh,
-        coloring: Coloring,
+        coloring: SavedColors,
         progress: &Progress,
     ) -> Result<(), SceneError> {
         match self {
@@ -236,7 +236,7 @@ impl VoxelFormat {
         path: &Path,
         voxels: &LabelledCloud,
         voxel: f64,
-        coloring: Coloring,
+        coloring: SavedColors,
         progress: &Progress,
     ) -> Result<(), SceneError> {
         match self {

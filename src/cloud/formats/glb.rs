@@ -5,7 +5,7 @@ use glam::Vec3;
 use serde_json::{Value, json};
 
 use super::labels::{color_of, path_name};
-use crate::ply::{Coloring, label_name};
+use crate::ply::{SavedColors, label_name};
 use crate::whole_file::{unplaced, write_whole};
 use crate::{LabelledMesh, SceneError};
 use ostra_core::job::Progress;
@@ -17,7 +17,7 @@ const UNSIGNED_INT: u32 = 5125;
 const FLOAT: u32 = 5126;
 
 /// Layout of one column of the binary chunk.
-struct Column {
+struct BinaryColumn {
     name: &'static str,
     component: u32,
     shape: &'static str,
@@ -27,43 +27,43 @@ struct Column {
 }
 
 /// Columns in file order. Within each column the entries of one label are contiguous.
-const COLUMNS: [Column; 6] = [
-    Column {
+const COLUMNS: [BinaryColumn; 6] = [
+    BinaryColumn {
         name: "POSITION",
         component: FLOAT,
         shape: "VEC3",
         normalized: false,
         stride: 12,
     },
-    Column {
+    BinaryColumn {
         name: "NORMAL",
         component: FLOAT,
         shape: "VEC3",
         normalized: false,
         stride: 12,
     },
-    Column {
+    BinaryColumn {
         name: "COLOR_0",
         component: UNSIGNED_SHORT,
         shape: "VEC4",
         normalized: true,
         stride: 8,
     },
-    Column {
+    BinaryColumn {
         name: "_LABEL",
         component: UNSIGNED_SHORT,
         shape: "SCALAR",
         normalized: false,
         stride: 4,
     },
-    Column {
+    BinaryColumn {
         name: "_CONFIDENCE",
         component: FLOAT,
         shape: "SCALAR",
         normalized: false,
         stride: 4,
     },
-    Column {
+    BinaryColumn {
         name: "indices",
         component: UNSIGNED_INT,
         shape: "SCALAR",
@@ -82,7 +82,7 @@ const COLUMNS: [Column; 6] = [
 pub(super) fn save(
     path: &Path,
     mesh: &LabelledMesh,
-    coloring: Coloring,
+    coloring: SavedColors,
     progress: &Progress,
 ) -> Result<(), SceneError> {
     if mesh.triangles.is_empty() {
@@ -136,7 +136,7 @@ fn write(
 
 /// Returns the accessors of the label whose entries are appended to `columns` next.
 fn accessors_of(part: &LabelledMesh, columns: &[Vec<u8>; 6]) -> Vec<Value> {
-    let accessor = |(view, (column, bytes)): (usize, (&Column, &Vec<u8>))| {
+    let accessor = |(view, (column, bytes)): (usize, (&BinaryColumn, &Vec<u8>))| {
         let is_index = column.name == "indices";
         let count = if is_index {
             part.triangles.len() * 3
@@ -168,7 +168,7 @@ fn accessors_of(part: &LabelledMesh, columns: &[Vec<u8>; 6]) -> Vec<Value> {
         .collect()
 }
 
-fn fill(columns: &mut [Vec<u8>; 6], part: &LabelledMesh, coloring: Coloring) {
+fn fill(columns: &mut [Vec<u8>; 6], part: &LabelledMesh, coloring: SavedColors) {
     let vertices = &part.vertices;
     let [positions, normals, colors, labels, confidences, indices] = columns;
     let floats = |out: &mut Vec<u8>, values: &[f32]| {
@@ -261,7 +261,7 @@ fn views(columns: &[Vec<u8>; 6]) -> Vec<Value> {
     const VERTICES: u32 = 34962;
     const INDICES: u32 = 34963;
     let mut offset = 0;
-    let view = |(column, bytes): (&Column, &Vec<u8>)| {
+    let view = |(column, bytes): (&BinaryColumn, &Vec<u8>)| {
         let mut value = json!({ "buffer": 0, "byteOffset": offset, "byteLength": bytes.len(), "target": INDICES });
         if column.name != "indices" {
             (value["byteStride"], value["target"]) = (json!(column.stride), json!(VERTICES));

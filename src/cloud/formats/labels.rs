@@ -77,7 +77,7 @@ pub(super) fn classes(tree: &LabelTree) -> BTreeMap<LabelId, u8> {
 }
 
 #[derive(Serialize)]
-struct Entry<'a> {
+struct LabelEntry<'a> {
     id: LabelId,
     name: &'a str,
     parent: Option<LabelId>,
@@ -87,12 +87,12 @@ struct Entry<'a> {
 
 pub(super) fn save(path: &Path, tree: &LabelTree) -> Result<(), SceneError> {
     let classes = classes(tree);
-    let entries: Vec<Entry<'_>> = tree
+    let entries: Vec<LabelEntry<'_>> = tree
         .iter()
         .map(|label| {
             let [red, green, blue] = label.color;
             let color = format!("#{red:02x}{green:02x}{blue:02x}");
-            Entry {
+            LabelEntry {
                 id: label.id,
                 name: &label.name,
                 parent: label.parent,

@@ -9,7 +9,7 @@ use las::point::{Classification, Format};
 use las::{Builder, Color, Point, Transform, Vector, Version, Vlr, Writer};
 
 use super::labels::classes;
-use crate::ply::Coloring;
+use crate::ply::SavedColors;
 use crate::whole_file::{unplaced, write_whole};
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
@@ -49,7 +49,7 @@ const EXTRA: [(&str, u8, &str); 6] = [
 pub(super) fn save(
     path: &Path,
     cloud: &LabelledCloud,
-    coloring: Coloring,
+    coloring: SavedColors,
     packing: Packing,
     progress: &Progress,
 ) -> Result<(), SceneError> {

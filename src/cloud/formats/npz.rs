@@ -10,8 +10,8 @@ use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, System, ZipWriter};
 
 use super::labels::path_name;
-use super::vox::Places;
-use crate::ply::Coloring;
+use super::vox::GridIndices;
+use crate::ply::SavedColors;
 use crate::whole_file::{unplaced, write_whole};
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
@@ -34,10 +34,10 @@ pub(super) fn save(
     path: &Path,
     voxels: &LabelledCloud,
     voxel: f64,
-    coloring: Coloring,
+    coloring: SavedColors,
     progress: &Progress,
 ) -> Result<(), SceneError> {
-    let Places { origin, indices } = Places::of(voxels, voxel)?;
+    let GridIndices { origin, indices } = GridIndices::of(voxels, voxel)?;
     let ids: BTreeSet<LabelId> = voxels
         .tree
         .iter()

@@ -4,7 +4,7 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use super::labels::{color_of, safe_names};
-use crate::ply::{Coloring, comments_of, file_part, origin_comment};
+use crate::ply::{SavedColors, comments_of, file_part, origin_comment};
 use crate::whole_file::{unplaced, write_whole};
 use crate::{LabelledMesh, SceneError};
 use ostra_core::job::Progress;
@@ -21,7 +21,7 @@ const STRIDE: usize = 1 << 15;
 pub(super) fn save(
     path: &Path,
     mesh: &LabelledMesh,
-    coloring: Coloring,
+    coloring: SavedColors,
     progress: &Progress,
 ) -> Result<(), SceneError> {
     let parts = mesh.by_label();
@@ -91,7 +91,7 @@ struct ObjWriter<'a, W> {
     out: W,
     /// Number of vertices already written.
     vertices: usize,
-    coloring: Coloring,
+    coloring: SavedColors,
     progress: &'a Progress,
 }
 

@@ -1,7 +1,7 @@
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
-use crate::ply::{Coloring, comments_of};
+use crate::ply::{SavedColors, comments_of};
 use crate::whole_file::{unplaced, write_whole};
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
@@ -17,7 +17,7 @@ const STRIDE: usize = 1 << 16;
 pub(super) fn save(
     path: &Path,
     cloud: &LabelledCloud,
-    coloring: Coloring,
+    coloring: SavedColors,
     progress: &Progress,
 ) -> Result<(), SceneError> {
     let colors = coloring.of(cloud);

@@ -74,7 +74,7 @@ fn models(
     ids: &BTreeSet<LabelId>,
     voxel: f64,
 ) -> Result<Vec<LabelModel>, SceneError> {
-    let places = Places::of(voxels, voxel)?.indices;
+    let places = GridIndices::of(voxels, voxel)?.indices;
     let upright = |at: &IVec3| IVec3::new(at.x, at.z, -at.y);
     let mut cubes: BTreeMap<(LabelId, [i32; 3]), Vec<IVec3>> = BTreeMap::new();
     for (place, &id) in places.iter().map(upright).zip(&voxels.labels) {
@@ -170,14 +170,14 @@ fn palette(voxels: &LabelledCloud, ids: &BTreeSet<LabelId>) -> Vec<Color> {
 }
 
 /// Grid indices of voxels.
-pub(super) struct Places {
+pub(super) struct GridIndices {
     /// The minimum corner of the voxel at (0, 0, 0), in world units.
     pub(super) origin: DVec3,
     /// The index of each voxel along x, y and z, from 0.
     pub(super) indices: Vec<IVec3>,
 }
 
-impl Places {
+impl GridIndices {
     /// Computes the grid indices of voxels with edge length `voxel` (world units).
     ///
     /// Each voxel is given as the point at its centre. Grid corners are multiples of the edge

@@ -4,7 +4,7 @@ use rustc_hash::FxHashSet;
 
 use super::views::{Views, nearest_corner, pixel_footprint, two_digits};
 use super::visibility::posed_view;
-use super::voxel_map::{AXIS_SHIFTS, Cell, cell_key};
+use super::voxel_map::{AXIS_SHIFTS, VoxelPosition, cell_key};
 use crate::SceneError;
 use ostra_core::job::Progress;
 use ostra_masks::LabelId;
@@ -188,7 +188,9 @@ impl CellGrid {
                     .unproject(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5))
                     .extend(1.0);
                 let in_grid = (centre + world_from_camera * (ray * along)) / self.cell;
-                keys.extend(Cell::holding(in_grid.as_vec3()).map(|cell| cell_key(cell.index)));
+                keys.extend(
+                    VoxelPosition::holding(in_grid.as_vec3()).map(|cell| cell_key(cell.index)),
+                );
             }
         }
         keys.sort_unstable();

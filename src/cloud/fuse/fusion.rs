@@ -8,7 +8,7 @@ use super::lift::{DepthUnprojection, FramePixels, LiftCount, Rays};
 use super::views::{Views, check_size, nearest_corner, readable, two_digits};
 use super::visibility::{measured_tolerance, posed_view};
 use super::vote::{SeenPoints, VoteOptions, vote};
-use super::voxel_grid::{Grid, GridPoints};
+use super::voxel_grid::{GridPoints, VoxelGrid};
 use crate::points::{OutlierOptions, outliers};
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
@@ -264,7 +264,7 @@ impl Fusion<'_> {
         } else {
             MANY_VOXELS
         };
-        let mut grid = Grid::new(nearest_corner(views, usable), report.voxel, expected);
+        let mut grid = VoxelGrid::new(nearest_corner(views, usable), report.voxel, expected);
         let mut rays: Option<Rays> = None;
         let mut unreadable = Vec::new();
         let mut next = load(views, usable[0])?;
@@ -324,7 +324,7 @@ impl Fusion<'_> {
     /// Adds one frame to the grid, with the rays of the previous frame if its camera is the same.
     fn add_frame(
         &self,
-        grid: &mut Grid,
+        grid: &mut VoxelGrid,
         rays: &mut Option<Rays>,
         view: &PosedCamera,
         pixels: &FramePixels,

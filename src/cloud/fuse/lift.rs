@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use glam::{Mat3, Vec3};
 
-use super::voxel_map::{Cell, GridFrame, Sample, cell_key, shard_of};
+use super::voxel_map::{GridFrame, Sample, VoxelPosition, cell_key, shard_of};
 use ostra_frames::{DepthMap, Image};
 use ostra_geometry::{Camera, PosedCamera};
 
@@ -132,7 +132,7 @@ impl<'a> DepthUnprojection<'a> {
             return;
         }
         let here = point(around.rays[REACH][x], depth);
-        let Some(cell) = Cell::holding(self.grid_from_camera * here + self.offset) else {
+        let Some(cell) = VoxelPosition::holding(self.grid_from_camera * here + self.offset) else {
             count.beyond += 1;
             return;
         };

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::lift::{DepthUnprojection, LiftCount};
 use super::voxel_map::{
-    AXIS_SHIFTS, FRACTION, GridFrame, SHARDS, Sample, Voxel, VoxelMap, cell_index, shard_of,
+    AXIS_SHIFTS, FRACTION, GridFrame, SHARDS, Sample, VoxelMap, VoxelSums, cell_index, shard_of,
 };
 use crate::morton;
 use ostra_core::job::{Progress, Stopped};
@@ -25,17 +25,17 @@ const LOOKUPS: usize = 64;
 /// A hashed voxel grid that averages the samples in each voxel.
 ///
 /// All sums are integers, so the result does not depend on the order in which threads add to it.
-pub(super) struct Grid {
+pub(super) struct VoxelGrid {
     frame: GridFrame,
     shards: Vec<VoxelMap>,
-    blocks: Vec<Block>,
+    blocks: Vec<ShardedSamples>,
     frames: u32,
 }
 
 /// Samples of some rows by shard, and the counts of their pixels.
 ///
 /// Blocks are reused from frame to frame to avoid allocations.
-struct Block {
+struct ShardedSamples {
     samples: Vec<Vec<Sample>>,
     count: LiftCount,
 }
@@ -54,7 +54,7 @@ pub(super) struct GridPoints {
     pub(super) merged: usize,
 }
 
-impl Grid {
+impl VoxelGrid {
     /// Creates an empty grid of voxels with edge length `voxel`, near the point `near`.
     ///
     /// Memory is reserved for about `expected` voxels.
@@ -86,7 +86,7 @@ impl Grid {
         progress: &Progress,
     ) -> Result<LiftCount, Stopped> {
         let blocks = height.div_ceil(BLOCK_ROWS) as usize;
-        let empty = || Block {
+        let empty = || ShardedSamples {
             samples: vec![Vec::new(); SHARDS],
             count: LiftCount::default(),
         };
@@ -112,7 +112,7 @@ impl Grid {
                     add_samples(voxels, &block.samples[shard], frame);
                 }
             });
-        let sum = |a: LiftCount, b: &Block| LiftCount {
+        let sum = |a: LiftCount, b: &ShardedSamples| LiftCount {
             measured: a.measured + b.count.measured,
             flying: a.flying + b.count.flying,
             beyond: a.beyond + b.count.beyond,
@@ -143,7 +143,7 @@ impl Grid {
         };
         let filled = self.voxels();
         // The Morton code is computed once per voxel and stored as the sort key.
-        let mut kept: Vec<(u64, u64, Voxel)> = Vec::with_capacity(filled);
+        let mut kept: Vec<(u64, u64, VoxelSums)> = Vec::with_capacity(filled);
         for shard in self.shards {
             progress.check()?;
             let seen = shard
@@ -152,7 +152,7 @@ impl Grid {
             kept.extend(seen.map(|(key, voxel)| (morton([key >> 42, key >> 21, key]), key, voxel)));
         }
         kept.par_sort_unstable_by_key(|&(place, ..)| place);
-        let position = |&(_, key, sum): &(u64, u64, Voxel)| {
+        let position = |&(_, key, sum): &(u64, u64, VoxelSums)| {
             // Fractions were truncated to whole steps, on average by half a step.
             let mean = |sum_of: i32| {
                 (f64::from(sum_of) / f64::from(sum.samples) + 0.5) / f64::from(FRACTION)
@@ -265,7 +265,7 @@ fn merge_layers(shards: &mut Shards, progress: &Progress) -> Result<usize, Stopp
 }
 
 /// Returns the neighbour along the normal that is the same surface and has more samples, if any.
-fn stronger_layer(shards: &Shards, key: u64, voxel: &Voxel) -> Option<u64> {
+fn stronger_layer(shards: &Shards, key: u64, voxel: &VoxelSums) -> Option<u64> {
     let normal = voxel.mean_normal();
     if normal == Vec3::ZERO {
         return None;
@@ -285,7 +285,7 @@ fn stronger_layer(shards: &Shards, key: u64, voxel: &Voxel) -> Option<u64> {
     best.map(|(other, _)| other)
 }
 
-fn is_same_surface(voxel: &Voxel, normal: Vec3, other: &Voxel, offset: [i32; 3]) -> bool {
+fn is_same_surface(voxel: &VoxelSums, normal: Vec3, other: &VoxelSums, offset: [i32; 3]) -> bool {
     let way = other.mean_place() + Vec3::from_array(offset.map(|o| o as f32)) - voxel.mean_place();
     let along = way.dot(normal);
     normal.dot(other.mean_normal()) >= SAME_SIDE
@@ -301,7 +301,7 @@ fn offset(key: u64, origin: u64) -> [i32; 3] {
     })
 }
 
-impl Voxel {
+impl VoxelSums {
     /// Returns the mean position of the samples within the voxel, 0 to 1.
     fn mean_place(&self) -> Vec3 {
         Vec3::from_array(self.fraction.map(|sum| sum as f32))
@@ -330,11 +330,11 @@ mod tests {
     use crate::fuse::voxel_map::{SHARDS, cell_key};
 
     /// Returns a voxel that faces `normal`, with its samples at `height` along z.
-    fn voxel(height: f32, samples: u32, normal: [i32; 3]) -> Voxel {
+    fn voxel(height: f32, samples: u32, normal: [i32; 3]) -> VoxelSums {
         let half = (FRACTION / 2.0) as i32 * samples as i32;
         let at = (height * FRACTION) as i32 * samples as i32;
         let normal = normal.map(|n| n * 1024 * samples as i32);
-        Voxel {
+        VoxelSums {
             fraction: [half, half, at],
             color: [100 * samples; 3],
             normal,
@@ -344,7 +344,7 @@ mod tests {
         }
     }
 
-    fn merged(voxels: &[([i32; 3], Voxel)]) -> (usize, Vec<(u64, Voxel)>) {
+    fn merged(voxels: &[([i32; 3], VoxelSums)]) -> (usize, Vec<(u64, VoxelSums)>) {
         let mut shards = vec![VoxelMap::default(); SHARDS];
         for &(index, voxel) in voxels {
             let key = cell_key(index);

@@ -33,7 +33,7 @@ pub(super) const AXIS_SHIFTS: [u32; 3] = [42, 21, 0];
 
 /// A voxel index and the position within that voxel, in 1/4096 of its edge.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Cell {
+pub(super) struct VoxelPosition {
     pub(super) index: [i32; 3],
     pub(super) fraction: [u16; 3],
 }
@@ -49,7 +49,7 @@ pub(super) struct Sample {
 
 /// Sums over the samples of one voxel.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Voxel {
+pub(super) struct VoxelSums {
     pub(super) fraction: [i32; 3],
     pub(super) color: [u32; 3],
     pub(super) normal: [i32; 3],
@@ -58,7 +58,7 @@ pub(super) struct Voxel {
     pub(super) last_frame: u32,
 }
 
-impl Cell {
+impl VoxelPosition {
     /// Returns the cell that contains a point in grid units, or `None` outside the grid.
     pub(super) fn holding(in_grid: Vec3) -> Option<Self> {
         if !in_grid
@@ -99,7 +99,7 @@ pub(super) fn cell_key(index: [i32; 3]) -> u64 {
         .fold(0, |key, &i| key << 21 | (i + GRID_REACH) as u64)
 }
 
-impl Voxel {
+impl VoxelSums {
     pub(super) fn mean_normal(&self) -> Vec3 {
         Vec3::from_array(self.normal.map(|n| n as f32)).normalize_or_zero()
     }
@@ -126,7 +126,7 @@ const TAG: u64 = 0x7F << 57;
 ///
 /// Adjacent pixels fall into adjacent voxels. A map with a plain hash spends most of its time
 /// waiting for memory.
-pub(super) type VoxelMap<T = Voxel> = HashMap<u64, T, BuildHasherDefault<VoxelHasher>>;
+pub(super) type VoxelMap<T = VoxelSums> = HashMap<u64, T, BuildHasherDefault<VoxelHasher>>;
 
 /// Hasher of voxel keys; see [`VoxelMap`].
 #[derive(Debug, Default)]

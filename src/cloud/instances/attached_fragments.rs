@@ -3,7 +3,7 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::cluster::Cells;
+use super::cluster::NeighbourGrid;
 use crate::points::spacing;
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
@@ -74,7 +74,7 @@ pub fn attached_fragments(
     labelled
         .iter()
         .for_each(|&k| *sizes.entry(cloud.labels[k as usize]).or_default() += 1);
-    let cells = Cells::new(&cloud.positions, radius * spacing);
+    let cells = NeighbourGrid::new(&cloud.positions, radius * spacing);
     Free {
         cells: &cells,
         labels: &cloud.labels,
@@ -84,13 +84,13 @@ pub fn attached_fragments(
 
 /// The unlabelled points of a cloud.
 struct Free<'a> {
-    cells: &'a Cells<'a>,
+    cells: &'a NeighbourGrid<'a>,
     labels: &'a [LabelId],
 }
 
 /// State of an unlabelled point during the search.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Known {
+enum PointState {
     Nothing,
     /// The point belongs to a fragment that was visited.
     Piece,
@@ -106,12 +106,12 @@ impl Free<'_> {
         progress: &Progress,
     ) -> Result<Vec<AttachedFragment>, SceneError> {
         let most = sizes.values().map(|&size| allowed(size)).max().unwrap_or(0);
-        let mut known = vec![Known::Nothing; self.labels.len()];
+        let mut known = vec![PointState::Nothing; self.labels.len()];
         let mut pieces = Vec::new();
         let touching = self.touching(labelled, progress)?;
         for (done, &start) in touching.iter().enumerate() {
             progress.step(done, touching.len())?;
-            if known[start as usize] != Known::Nothing {
+            if known[start as usize] != PointState::Nothing {
                 continue;
             }
             let Some(points) = self.flood(start, most, &mut known, progress)? else {
@@ -163,11 +163,11 @@ impl Free<'_> {
         &self,
         start: u32,
         most: usize,
-        known: &mut [Known],
+        known: &mut [PointState],
         progress: &Progress,
     ) -> Result<Option<Vec<u32>>, SceneError> {
         let mut points = vec![start];
-        known[start as usize] = Known::Piece;
+        known[start as usize] = PointState::Piece;
         let (mut next, mut is_large) = (0, false);
         while let Some(&at) = points.get(next).filter(|_| !is_large) {
             if next.is_multiple_of(4096) {
@@ -179,9 +179,9 @@ impl Free<'_> {
                 .neighbours(at as usize)
                 .filter(|&k| !self.is_labelled(k))
             {
-                is_large |= known[other] == Known::Large;
-                if known[other] == Known::Nothing {
-                    known[other] = Known::Piece;
+                is_large |= known[other] == PointState::Large;
+                if known[other] == PointState::Nothing {
+                    known[other] = PointState::Piece;
                     points.push(other as u32);
                 }
             }
@@ -190,7 +190,7 @@ impl Free<'_> {
         if is_large {
             points
                 .iter()
-                .for_each(|&point| known[point as usize] = Known::Large);
+                .for_each(|&point| known[point as usize] = PointState::Large);
             return Ok(None);
         }
         points.sort_unstable();

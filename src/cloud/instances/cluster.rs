@@ -115,7 +115,7 @@ pub fn find_instances(
     let Some(spacing) = spacing(points) else {
         return Ok(none());
     };
-    let cells = Cells::new(points, options.radius * spacing);
+    let cells = NeighbourGrid::new(points, options.radius * spacing);
     let is_core = cores(&cells, points, options.min_neighbours, progress)?;
     let mut sets = linked(&cells, &is_core, progress)?;
     let roots: Vec<Option<u32>> = (0..points.len())
@@ -127,7 +127,7 @@ pub fn find_instances(
 
 /// Returns whether each point has at least `least` neighbours.
 fn cores(
-    cells: &Cells<'_>,
+    cells: &NeighbourGrid<'_>,
     points: &[Vec3],
     least: usize,
     progress: &Progress,
@@ -139,7 +139,7 @@ fn cores(
 
 /// Returns the sets of linked core points.
 fn linked(
-    cells: &Cells<'_>,
+    cells: &NeighbourGrid<'_>,
     is_core: &[bool],
     progress: &Progress,
 ) -> Result<DisjointSets, SceneError> {
@@ -162,7 +162,7 @@ fn linked(
 ///
 /// Points that are not core points take the root of the nearest core point within the radius.
 fn joined(
-    cells: &Cells<'_>,
+    cells: &NeighbourGrid<'_>,
     points: &[Vec3],
     roots: &[Option<u32>],
     progress: &Progress,
@@ -246,13 +246,13 @@ fn by_place(a: Vec3, b: Vec3) -> Ordering {
 }
 
 /// Points in cubic cells whose edge length is the neighbour radius.
-pub(super) struct Cells<'a> {
+pub(super) struct NeighbourGrid<'a> {
     points: &'a [Vec3],
     radius: f64,
     cells: FxHashMap<IVec3, Vec<u32>>,
 }
 
-impl<'a> Cells<'a> {
+impl<'a> NeighbourGrid<'a> {
     /// Sorts points into cells. Non-finite points are excluded.
     pub(super) fn new(points: &'a [Vec3], radius: f64) -> Self {
         let mut cells: FxHashMap<IVec3, Vec<u32>> = FxHashMap::default();

@@ -4,13 +4,13 @@ use std::collections::btree_map::Entry;
 use glam::DVec3;
 
 use super::axis::Axis;
-use super::body::{Body, Shape};
+use super::body::{Body, BodyShape};
 use super::extent::principal_axis;
 use super::insertion::insertion_angle;
 use super::medial::MedialCurve;
 use super::point_sets::Meeting;
 use super::trait_table::{Dimension, Trait, TraitRow};
-use super::traits::{MeasureOptions, Measured, points_of};
+use super::traits::{MeasureOptions, MeasuredLabel, points_of};
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::{LabelId, LabelTree};
@@ -38,7 +38,7 @@ pub fn measure_angles(
         .iter()
         .try_for_each(|&pair| check(&cloud.tree, pair))?;
     progress.stage("measure")?;
-    let mut labels: BTreeMap<LabelId, Measured> = BTreeMap::new();
+    let mut labels: BTreeMap<LabelId, MeasuredLabel> = BTreeMap::new();
     let mut rows = Vec::new();
     for (k, &pair) in pairs.iter().enumerate() {
         progress.step(k, pairs.len())?;
@@ -94,7 +94,7 @@ fn with_pieces(
     id: LabelId,
     options: &MeasureOptions,
     progress: &Progress,
-) -> Result<Measured, SceneError> {
+) -> Result<MeasuredLabel, SceneError> {
     let name = name(&cloud.tree, id);
     let refuse = |why: String| {
         Err(SceneError::Request(format!(
@@ -105,7 +105,7 @@ fn with_pieces(
     if points.is_empty() {
         return refuse("it has no points in the cloud; fuse masks that show it".into());
     }
-    let measured = Measured::new(id, &points, options, progress)?;
+    let measured = MeasuredLabel::new(id, &points, options, progress)?;
     if measured.bodies.is_empty() {
         let least = options.min_points;
         return refuse(format!(
@@ -117,7 +117,7 @@ fn with_pieces(
 
 fn rows_of(
     tree: &LabelTree,
-    [a, b]: [&Measured; 2],
+    [a, b]: [&MeasuredLabel; 2],
     options: &MeasureOptions,
     progress: &Progress,
 ) -> Result<Vec<TraitRow>, SceneError> {
@@ -140,7 +140,7 @@ fn rows_of(
     if !rows.is_empty() {
         return Ok(rows);
     }
-    let is_round = |measured: &Measured| {
+    let is_round = |measured: &MeasuredLabel| {
         measured
             .bodies
             .iter()
@@ -189,8 +189,8 @@ fn angle(
         ""
     };
     let inserted = match bodies.map(|body| body.shape) {
-        [Shape::Ribbon(_), Shape::Rod(_)] => Some((0, 1)),
-        [Shape::Rod(_), Shape::Ribbon(_)] => Some((1, 0)),
+        [BodyShape::Ribbon(_), BodyShape::Rod(_)] => Some((0, 1)),
+        [BodyShape::Rod(_), BodyShape::Ribbon(_)] => Some((1, 0)),
         _ => None,
     };
     let leaves = |(sheet, rod): (usize, usize)| {
@@ -244,20 +244,24 @@ fn axis_near(body: &Body, at: DVec3, reach: f64) -> Option<DVec3> {
         }
     };
     match (body.shape, &body.curve) {
-        (Shape::Rod(breadths), Some(curve)) => Some(
+        (BodyShape::Rod(breadths), Some(curve)) => Some(
             about(curve)
                 .fitted(&body.points, 0.5 * breadths.median, 0.5 * span)
                 .along,
         ),
-        (Shape::Ribbon(_), Some(curve)) => Some(about(curve).along),
+        (BodyShape::Ribbon(_), Some(curve)) => Some(about(curve).along),
         _ => principal_axis(&body.points),
     }
 }
 
 fn axis_name(body: &Body, name: &str) -> String {
     match body.shape {
-        Shape::Rod(_) => format!("the axis of {name} (a cylinder fitted where they come nearest)"),
-        Shape::Ribbon(_) => format!("the chord of the midrib of {name} where they come nearest"),
-        Shape::Lump => format!("the longest principal axis of {name}"),
+        BodyShape::Rod(_) => {
+            format!("the axis of {name} (a cylinder fitted where they come nearest)")
+        }
+        BodyShape::Ribbon(_) => {
+            format!("the chord of the midrib of {name} where they come nearest")
+        }
+        BodyShape::Lump => format!("the longest principal axis of {name}"),
     }
 }

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::extent::extent_traits;
 use super::medial::MedialCurve;
-use super::section::{Section, sections};
+use super::section::{CrossSection, sections};
 use super::trait_table::Dimension::Length;
 use super::trait_table::Trait;
 use ostra_core::job::{Progress, Stopped};
@@ -16,12 +16,12 @@ pub(super) struct Body {
     pub(super) points: Vec<DVec3>,
     pub(super) area: f64,
     pub(super) curve: Option<MedialCurve>,
-    pub(super) shape: Shape,
+    pub(super) shape: BodyShape,
 }
 
 /// Shape class of a body, by the majority of its cross-sections.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Shape {
+pub(super) enum BodyShape {
     /// Long and round.
     Rod(Breadths),
     /// A long sheet.
@@ -78,7 +78,7 @@ impl Body {
         let curve = MedialCurve::trace(&points, spacing, reach, progress)?;
         let shape = curve
             .as_ref()
-            .map_or(Shape::Lump, |curve| shape(&points, curve, spacing));
+            .map_or(BodyShape::Lump, |curve| shape(&points, curve, spacing));
         Ok(Self {
             points,
             area,
@@ -88,7 +88,7 @@ impl Body {
     }
 
     pub(super) fn diameter(&self) -> Option<f64> {
-        if let Shape::Rod(breadths) = self.shape {
+        if let BodyShape::Rod(breadths) = self.shape {
             Some(breadths.median)
         } else {
             None
@@ -103,8 +103,8 @@ impl Body {
     /// Returns the median diameter of a rod or the median width of a sheet, otherwise 0.
     pub(super) fn breadth(&self) -> f64 {
         match self.shape {
-            Shape::Rod(breadths) | Shape::Ribbon(breadths) => breadths.median,
-            Shape::Lump => 0.0,
+            BodyShape::Rod(breadths) | BodyShape::Ribbon(breadths) => breadths.median,
+            BodyShape::Lump => 0.0,
         }
     }
 
@@ -119,7 +119,7 @@ impl Body {
             traits.push(found("length", curve.length(), definition));
         }
         match self.shape {
-            Shape::Rod(Breadths { median, mean, most }) => traits.extend([
+            BodyShape::Rod(Breadths { median, mean, most }) => traits.extend([
                 found("diameter", median, "median over the cross-sections"),
                 found("diameter_mean", mean, "mean over the cross-sections"),
                 found(
@@ -128,7 +128,7 @@ impl Body {
                     "diameter that 95 % of the cross-sections stay below",
                 ),
             ]),
-            Shape::Ribbon(Breadths { mean, most, .. }) => traits.extend([
+            BodyShape::Ribbon(Breadths { mean, most, .. }) => traits.extend([
                 found(
                     "width",
                     mean,
@@ -140,7 +140,7 @@ impl Body {
                     "width that 95 % of the cross-sections stay below",
                 ),
             ]),
-            Shape::Lump => {}
+            BodyShape::Lump => {}
         }
         traits.extend(extent_traits(&self.points, self.area, spacing));
         traits
@@ -150,7 +150,7 @@ impl Body {
 /// Share of the cross-sections that decides the shape.
 const MOST: f64 = 0.6;
 
-fn shape(points: &[DVec3], curve: &MedialCurve, spacing: f64) -> Shape {
+fn shape(points: &[DVec3], curve: &MedialCurve, spacing: f64) -> BodyShape {
     let length = curve.length();
     let mut distances: Vec<f64> = points.iter().map(|&x| curve.nearest(x).distance).collect();
     let place = distances.len() * 95 / 100;
@@ -159,28 +159,28 @@ fn shape(points: &[DVec3], curve: &MedialCurve, spacing: f64) -> Shape {
     let (mut round, mut sheet) = (Vec::new(), Vec::new());
     for section in &sections {
         match section {
-            Section::Round(diameter) => round.push(*diameter),
-            Section::Sheet(width) => sheet.push(*width),
-            Section::Other => {}
+            CrossSection::Round(diameter) => round.push(*diameter),
+            CrossSection::Sheet(width) => sheet.push(*width),
+            CrossSection::Other => {}
         }
     }
     round.sort_by(f64::total_cmp);
     sheet.sort_by(f64::total_cmp);
     let most = |count: usize| count as f64 >= MOST * sections.len() as f64 && count >= 3;
     if most(round.len()) && length > 1.5 * Breadths::of(&round).median {
-        return Shape::Rod(Breadths::of(&round));
+        return BodyShape::Rod(Breadths::of(&round));
     }
     // The largest width counts: along its diagonal, a square is on average twice as long as it is
     // broad.
     if most(sheet.len()) && length > 1.5 * Breadths::of(&sheet).most {
-        return Shape::Ribbon(Breadths::of(&sheet));
+        return BodyShape::Ribbon(Breadths::of(&sheet));
     }
-    Shape::Lump
+    BodyShape::Lump
 }
 
 /// One end of a rod.
 #[derive(Debug, Clone, Copy)]
-struct End {
+struct RodEnd {
     rod: usize,
     /// Whether this is the first point of the curve.
     start: bool,
@@ -191,7 +191,7 @@ struct End {
     length: f64,
 }
 
-impl End {
+impl RodEnd {
     fn is_short(&self) -> bool {
         self.length < 6.0 * self.diameter
     }
@@ -210,8 +210,8 @@ pub(super) fn join_rods(mut bodies: Vec<Body>, longest: f64) -> Vec<Body> {
         let (near, far) = if a.rod == first { (a, b) } else { (b, a) };
         own.curve = joined(own.curve.take(), other.curve, near.start, far.start);
         let (mine, theirs) = (near.length, far.length);
-        if let (Shape::Rod(breadths), Shape::Rod(others)) = (own.shape, other.shape) {
-            own.shape = Shape::Rod(breadths.joined(mine, others, theirs));
+        if let (BodyShape::Rod(breadths), BodyShape::Rod(others)) = (own.shape, other.shape) {
+            own.shape = BodyShape::Rod(breadths.joined(mine, others, theirs));
         }
         own.area += other.area;
         own.points.extend(other.points);
@@ -219,7 +219,7 @@ pub(super) fn join_rods(mut bodies: Vec<Body>, longest: f64) -> Vec<Body> {
     bodies
 }
 
-fn ends(bodies: &[Body]) -> Vec<End> {
+fn ends(bodies: &[Body]) -> Vec<RodEnd> {
     let mut ends = Vec::new();
     for (rod, body) in bodies.iter().enumerate() {
         let (Some(curve), Some(diameter)) = (&body.curve, body.diameter()) else {
@@ -230,7 +230,7 @@ fn ends(bodies: &[Body]) -> Vec<End> {
             // Several diameters are used, because the very end of a medial curve may lean.
             let span = length.min((6.0 * diameter).max(length / 6.0));
             let (x, outward) = (from.points[0], -from.direction_about(0.0, span));
-            ends.push(End {
+            ends.push(RodEnd {
                 rod,
                 start,
                 x,
@@ -244,7 +244,7 @@ fn ends(bodies: &[Body]) -> Vec<End> {
 }
 
 /// Returns the compatible pair of ends with the shortest gap.
-fn best_pair(bodies: &[Body], longest: f64) -> Option<(End, End)> {
+fn best_pair(bodies: &[Body], longest: f64) -> Option<(RodEnd, RodEnd)> {
     let ends = ends(bodies);
     let pairs = ends
         .iter()
@@ -253,8 +253,8 @@ fn best_pair(bodies: &[Body], longest: f64) -> Option<(End, End)> {
     let fitting = pairs.filter(|(a, b)| a.rod != b.rod && continues(a, b, longest));
     // A long rod shows reliably where it continues; two short ones may be separate objects, such as
     // grains.
-    let is_confident = |end: &End| !end.is_short();
-    let cut_off = |end: &End| is_cut_off(&bodies[end.rod], end);
+    let is_confident = |end: &RodEnd| !end.is_short();
+    let cut_off = |end: &RodEnd| is_cut_off(&bodies[end.rod], end);
     let parts =
         fitting.filter(|(a, b)| is_confident(a) || is_confident(b) || (cut_off(a) && cut_off(b)));
     parts.min_by(|(a, b), (c, d)| a.x.distance(b.x).total_cmp(&c.x.distance(d.x)))
@@ -271,7 +271,7 @@ const LEAST_POINTS: usize = 8;
 ///
 /// The points of the last third of a diameter are then about as far from the medial curve as those
 /// of the next diameters. Returns true if there are too few points.
-fn is_cut_off(body: &Body, end: &End) -> bool {
+fn is_cut_off(body: &Body, end: &RodEnd) -> bool {
     let Some(curve) = &body.curve else {
         return false;
     };
@@ -294,7 +294,7 @@ fn is_cut_off(body: &Body, end: &End) -> bool {
         .is_none_or(|(last, next)| last >= KEPT * next)
 }
 
-fn continues(a: &End, b: &End, longest: f64) -> bool {
+fn continues(a: &RodEnd, b: &RodEnd, longest: f64) -> bool {
     let gap = b.x - a.x;
     // The medial curve of a rod of a few diameters may lean; a long rod gives the direction
     // instead.

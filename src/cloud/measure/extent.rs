@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, SymmetricEigen};
 use rayon::prelude::*;
 
 use super::hull::hull_volume;
-use super::point_sets::Grid;
+use super::point_sets::PointGrid;
 use super::trait_table::Dimension::{Area, Length, Volume};
 use super::trait_table::Trait;
 use ostra_core::job::{Progress, Stopped};
@@ -137,7 +137,7 @@ pub(super) fn surface_areas(
     if spacing <= 0.0 {
         return Ok(vec![0.0; points.len()]);
     }
-    let grid = Grid::new(points, NEIGHBOURHOOD * spacing);
+    let grid = PointGrid::new(points, NEIGHBOURHOOD * spacing);
     points
         .par_iter()
         .map(|&x| {
@@ -148,7 +148,7 @@ pub(super) fn surface_areas(
         .collect()
 }
 
-fn cell_area(points: &[DVec3], grid: &Grid<'_>, x: DVec3, spacing: f64) -> f64 {
+fn cell_area(points: &[DVec3], grid: &PointGrid<'_>, x: DVec3, spacing: f64) -> f64 {
     let offsets: Vec<DVec3> = grid
         .within(x, NEIGHBOURHOOD * spacing)
         .map(|k| points[k] - x)
@@ -253,7 +253,7 @@ fn voxel_volume(points: &[DVec3], spacing: f64) -> f64 {
     while counts(edge).element_product() > MOST_VOXELS {
         edge *= 1.2;
     }
-    let mut voxels = Voxels::new(counts(edge).as_ivec3());
+    let mut voxels = VoxelStates::new(counts(edge).as_ivec3());
     for &x in points {
         voxels.occupy(((x - low) / edge).floor().as_ivec3() + IVec3::ONE);
     }
@@ -265,28 +265,28 @@ fn voxel_volume(points: &[DVec3], spacing: f64) -> f64 {
             .filter(|&&other| other == state)
             .count() as f64
     };
-    (count(State::Enclosed) + 0.5 * count(State::Occupied)) * edge.powi(3)
+    (count(VoxelState::Enclosed) + 0.5 * count(VoxelState::Occupied)) * edge.powi(3)
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
-enum State {
+enum VoxelState {
     /// Not reached by the flood fill.
     Enclosed,
     Occupied,
     Outside,
 }
 
-struct Voxels {
+struct VoxelStates {
     counts: IVec3,
-    states: Vec<State>,
+    states: Vec<VoxelState>,
 }
 
-impl Voxels {
+impl VoxelStates {
     fn new(counts: IVec3) -> Self {
         Self {
             counts,
-            states: vec![State::Enclosed; counts.as_usizevec3().element_product()],
+            states: vec![VoxelState::Enclosed; counts.as_usizevec3().element_product()],
         }
     }
 
@@ -297,7 +297,7 @@ impl Voxels {
 
     fn occupy(&mut self, at: IVec3) {
         let index = self.index(at.min(self.counts - 1));
-        self.states[index] = State::Occupied;
+        self.states[index] = VoxelState::Occupied;
     }
 
     /// Marks the voxels that can be reached from the outermost layer through faces.
@@ -305,10 +305,10 @@ impl Voxels {
         let mut open = vec![IVec3::ZERO];
         while let Some(at) = open.pop() {
             let index = self.index(at);
-            if self.states[index] != State::Enclosed {
+            if self.states[index] != VoxelState::Enclosed {
                 continue;
             }
-            self.states[index] = State::Outside;
+            self.states[index] = VoxelState::Outside;
             let adjacent = [IVec3::X, IVec3::Y, IVec3::Z]
                 .into_iter()
                 .flat_map(|step| [at - step, at + step]);

@@ -6,7 +6,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 /// A face of the growing hull.
 ///
 /// Its corners are counterclockwise seen from outside; `outside` lists the points outside of it.
-struct Face {
+struct HullFace {
     corners: [usize; 3],
     normal: DVec3,
     offset: f64,
@@ -77,7 +77,7 @@ fn quickhull(points: &[DVec3], corners: [usize; 4]) -> Option<f64> {
             (next, kept) = (0, faces.len());
         }
     }
-    let signed = |face: &Face| {
+    let signed = |face: &HullFace| {
         let [a, b, c] = face.corners.map(|k| points[k]);
         a.dot(b.cross(c)) / 6.0
     };
@@ -87,7 +87,7 @@ fn quickhull(points: &[DVec3], corners: [usize; 4]) -> Option<f64> {
 /// Replaces the faces visible from `apex` by a cone from it to their horizon.
 ///
 /// Returns `None` if the horizon is not one closed line.
-fn raise(faces: &mut Vec<Face>, points: &[DVec3], apex: usize) -> Option<()> {
+fn raise(faces: &mut Vec<HullFace>, points: &[DVec3], apex: usize) -> Option<()> {
     let mut edges: FxHashSet<(usize, usize)> = FxHashSet::default();
     let mut order = Vec::new();
     let mut loose = Vec::new();
@@ -120,7 +120,7 @@ fn raise(faces: &mut Vec<Face>, points: &[DVec3], apex: usize) -> Option<()> {
     faces.extend(
         horizon
             .iter()
-            .map(|&(a, b)| Face::new(points, [a, b, apex])),
+            .map(|&(a, b)| HullFace::new(points, [a, b, apex])),
     );
     share_out(
         &mut faces[first..],
@@ -131,7 +131,7 @@ fn raise(faces: &mut Vec<Face>, points: &[DVec3], apex: usize) -> Option<()> {
 }
 
 /// Assigns each point to the first face that it is outside of, if any.
-fn share_out(faces: &mut [Face], points: &[DVec3], numbers: impl Iterator<Item = usize>) {
+fn share_out(faces: &mut [HullFace], points: &[DVec3], numbers: impl Iterator<Item = usize>) {
     for k in numbers {
         if let Some(face) = faces.iter_mut().find(|face| face.height(points[k]) > 0.0) {
             face.outside.push(k);
@@ -155,12 +155,12 @@ fn first_tetrahedron(points: &[DVec3], tolerance: f64) -> Option<[usize; 4]> {
     Some([a, b, c, d])
 }
 
-fn tetrahedron(points: &[DVec3], [a, b, c, d]: [usize; 4]) -> Vec<Face> {
-    let below = Face::new(points, [a, b, c]).height(points[d]) < 0.0;
+fn tetrahedron(points: &[DVec3], [a, b, c, d]: [usize; 4]) -> Vec<HullFace> {
+    let below = HullFace::new(points, [a, b, c]).height(points[d]) < 0.0;
     let [a, b, c] = if below { [a, b, c] } else { [a, c, b] };
-    let mut faces: Vec<Face> = [[a, b, c], [a, d, b], [b, d, c], [c, d, a]]
+    let mut faces: Vec<HullFace> = [[a, b, c], [a, d, b], [b, d, c], [c, d, a]]
         .into_iter()
-        .map(|f| Face::new(points, f))
+        .map(|f| HullFace::new(points, f))
         .collect();
     share_out(
         &mut faces,
@@ -170,7 +170,7 @@ fn tetrahedron(points: &[DVec3], [a, b, c, d]: [usize; 4]) -> Vec<Face> {
     faces
 }
 
-impl Face {
+impl HullFace {
     fn new(points: &[DVec3], corners: [usize; 3]) -> Self {
         let [a, b, c] = corners.map(|k| points[k]);
         let normal = (b - a).cross(c - a).normalize_or_zero();

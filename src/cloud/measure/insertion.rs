@@ -1,7 +1,7 @@
 use glam::{DVec2, DVec3};
 
 use super::axis::Axis;
-use super::body::{Body, Shape};
+use super::body::{Body, BodyShape};
 use super::medial::MedialCurve;
 use super::section::parabola;
 use ostra_masks::LabelId;
@@ -27,7 +27,7 @@ pub(super) fn insertion_angle<'a>(
     rods: impl Iterator<Item = (LabelId, &'a Body)>,
     reach: f64,
 ) -> Option<(f64, (LabelId, &'a Body))> {
-    let (Shape::Ribbon(_), Some(curve)) = (ribbon.shape, &ribbon.curve) else {
+    let (BodyShape::Ribbon(_), Some(curve)) = (ribbon.shape, &ribbon.curve) else {
         return None;
     };
     let end_distance = |x: DVec3, rod: &Body| {

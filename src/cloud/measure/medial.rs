@@ -3,7 +3,7 @@ use std::collections::BinaryHeap;
 
 use glam::DVec3;
 
-use super::point_sets::{Grid, components};
+use super::point_sets::{PointGrid, components};
 use ostra_core::job::{Progress, Stopped};
 
 /// The medial curve of a long body: a polyline from end to end.
@@ -38,7 +38,7 @@ impl MedialCurve {
         reach: f64,
         progress: &Progress,
     ) -> Result<Option<Self>, Stopped> {
-        let grid = Grid::new(points, reach);
+        let grid = PointGrid::new(points, reach);
         let Some(first) = farthest(&geodesic(points, &grid, reach, 0, progress)?.0) else {
             return Ok(None);
         };
@@ -219,7 +219,7 @@ impl MedialCurve {
 /// Paths consist of steps of at most `reach`.
 fn geodesic(
     points: &[DVec3],
-    grid: &Grid<'_>,
+    grid: &PointGrid<'_>,
     reach: f64,
     from: usize,
     progress: &Progress,

@@ -6,13 +6,13 @@ use rustc_hash::FxHashMap;
 use ostra_core::statistics::{trimmed_range, upper_median};
 
 /// Points in cubic cells, for neighbour searches within about one cell side.
-pub(super) struct Grid<'a> {
+pub(super) struct PointGrid<'a> {
     points: &'a [DVec3],
     cell: f64,
     cells: FxHashMap<IVec3, Vec<u32>>,
 }
 
-impl<'a> Grid<'a> {
+impl<'a> PointGrid<'a> {
     /// Creates a grid of cells of side `cell` (above 0).
     pub(super) fn new(points: &'a [DVec3], cell: f64) -> Self {
         let mut cells: FxHashMap<IVec3, Vec<u32>> = FxHashMap::default();
@@ -57,7 +57,7 @@ pub(super) fn median_spacing(points: &[DVec3]) -> f64 {
     let sample = || points.iter().step_by(step);
     let mut cell = 2.0 * extent / (points.len() as f64).sqrt();
     for _ in 0..12 {
-        let grid = Grid::new(points, cell);
+        let grid = PointGrid::new(points, cell);
         let mut nearest: Vec<f64> = sample()
             .filter_map(|&x| {
                 let others = grid
@@ -112,7 +112,7 @@ pub(super) fn thinned(points: &[DVec3], least: f64) -> Vec<DVec3> {
 
 /// Returns the connected components over steps of at most `reach`, the largest first.
 pub(super) fn components(points: &[DVec3], reach: f64) -> Vec<Vec<usize>> {
-    let grid = Grid::new(points, reach);
+    let grid = PointGrid::new(points, reach);
     let mut group_of = vec![usize::MAX; points.len()];
     let mut groups: Vec<Vec<usize>> = Vec::new();
     for seed in 0..points.len() {

@@ -1,12 +1,12 @@
 use glam::{DVec2, DVec3};
 
 use super::medial::MedialCurve;
-use super::point_sets::Grid;
+use super::point_sets::PointGrid;
 use ostra_core::statistics::upper_median;
 
 /// Shape of a cross-section of a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Section {
+pub(super) enum CrossSection {
     /// Round, with its diameter.
     Round(f64),
     /// A sheet cut across, with its width along the sheet.
@@ -24,9 +24,9 @@ pub(super) fn sections(
     curve: &MedialCurve,
     step: f64,
     widest: f64,
-) -> Vec<Section> {
+) -> Vec<CrossSection> {
     let radius = widest.max(step);
-    let grid = Grid::new(points, radius);
+    let grid = PointGrid::new(points, radius);
     let cut = |&(x, along): &(DVec3, DVec3)| {
         let (u, v) = along.any_orthonormal_pair();
         let slab: Vec<DVec2> = grid
@@ -47,16 +47,16 @@ const LEAST_ARC: f64 = 2.0;
 /// Maximum RMS distance of the points from a round section, as a share of its radius.
 const ROUNDNESS: f64 = 0.15;
 
-fn section(points: &[DVec2]) -> Section {
+fn section(points: &[DVec2]) -> CrossSection {
     if points.len() < LEAST_POINTS {
-        return Section::Other;
+        return CrossSection::Other;
     }
     let round = robust_circle(points).filter(|circle| circle.arc(points) >= LEAST_ARC);
     let round = round.filter(|circle| circle.deviation(points) <= ROUNDNESS * circle.radius);
     round
-        .map(|circle| Section::Round(2.0 * circle.radius))
-        .or_else(|| sheet_width(points).map(Section::Sheet))
-        .unwrap_or(Section::Other)
+        .map(|circle| CrossSection::Round(2.0 * circle.radius))
+        .or_else(|| sheet_width(points).map(CrossSection::Sheet))
+        .unwrap_or(CrossSection::Other)
 }
 
 /// Maximum RMS distance of a sheet's points from a parabola, as a share of the sheet's width.
@@ -228,7 +228,7 @@ mod tests {
                 && circle.centre.distance(DVec2::new(3.0, -1.0)) < 1e-6
         );
         assert!((circle.arc(&arc) - 39.0 * 0.07).abs() < 1e-6);
-        assert_eq!(section(&arc), Section::Round(2.0 * circle.radius));
+        assert_eq!(section(&arc), CrossSection::Round(2.0 * circle.radius));
     }
 
     #[test]
@@ -245,7 +245,7 @@ mod tests {
         let sheet: Vec<DVec2> = (0..=50)
             .map(|k| 16.0 * DVec2::from_angle(0.01 * f64::from(k)))
             .collect();
-        let Section::Sheet(width) = section(&sheet) else {
+        let CrossSection::Sheet(width) = section(&sheet) else {
             panic!("a short arc is a sheet")
         };
         assert!((width / 8.0 - 1.0).abs() < 0.005, "{width}");

@@ -53,7 +53,7 @@ impl Default for MeasureOptions {
 const MOST_POINTS: usize = 200_000;
 
 /// A label with its instances.
-pub(super) struct Measured {
+pub(super) struct MeasuredLabel {
     pub(super) id: LabelId,
     count: usize,
     /// Thinned points, without isolated specks.
@@ -97,7 +97,7 @@ pub fn measure(
         progress.step(k, 2 * ids.len())?;
         let points = points_of(cloud, id);
         if !points.is_empty() {
-            labels.push(Measured::new(id, &points, options, progress)?);
+            labels.push(MeasuredLabel::new(id, &points, options, progress)?);
         }
     }
     if labels.is_empty() {
@@ -195,7 +195,7 @@ fn insertion(
     tree: &LabelTree,
     id: LabelId,
     body: &Body,
-    labels: &[Measured],
+    labels: &[MeasuredLabel],
     options: &MeasureOptions,
 ) -> Option<Trait> {
     let others = labels.iter().filter(|other| !related(tree, other.id, id));
@@ -215,7 +215,7 @@ fn insertion(
     ))
 }
 
-impl Measured {
+impl MeasuredLabel {
     pub(super) fn new(
         id: LabelId,
         all: &[DVec3],

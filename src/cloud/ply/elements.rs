@@ -7,7 +7,7 @@ use ply_rs::ply::{
     ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType,
 };
 
-use super::header::{Layout, first_line};
+use super::header::{VertexLayout, first_line};
 use super::vertex::Vertex;
 use ostra_core::job::Progress;
 
@@ -16,11 +16,11 @@ const STRIDE: usize = 1 << 16;
 
 /// The corners of one face: the first list property of its element.
 #[derive(Default)]
-struct Face {
+struct PlyFace {
     corners: Vec<i64>,
 }
 
-impl PropertyAccess for Face {
+impl PropertyAccess for PlyFace {
     fn new() -> Self {
         Self::default()
     }
@@ -47,7 +47,7 @@ impl PropertyAccess for Face {
 /// `vertices` is the number of vertices that corners may refer to.
 pub(super) fn read_faces(
     reader: &mut impl BufRead,
-    layout: &Layout,
+    layout: &VertexLayout,
     vertices: usize,
     progress: &Progress,
 ) -> Result<Vec<[u32; 3]>, Fault> {
@@ -91,10 +91,10 @@ pub(super) fn read_faces(
 
 fn read_face(
     reader: &mut impl BufRead,
-    layout: &Layout,
+    layout: &VertexLayout,
     faces: &ElementDef,
 ) -> Result<Vec<i64>, String> {
-    let parser = Parser::<Face>::new();
+    let parser = Parser::<PlyFace>::new();
     let read = match layout.encoding {
         Encoding::Ascii => {
             let is_list = |(_, property): (_, &ply_rs::ply::PropertyDef)| {
@@ -125,7 +125,7 @@ impl From<String> for Fault {
 /// Skips an element.
 pub(super) fn skip(
     reader: &mut impl BufRead,
-    layout: &Layout,
+    layout: &VertexLayout,
     element: &ElementDef,
     progress: &Progress,
 ) -> Result<(), Fault> {
@@ -165,7 +165,7 @@ pub(super) fn skip(
 /// grammar of ply-rs does not accept.
 pub(super) fn read_vertex(
     reader: &mut impl BufRead,
-    layout: &Layout,
+    layout: &VertexLayout,
     line: &mut String,
 ) -> Result<Vertex, String> {
     next_line(reader, line)?;

@@ -4,7 +4,7 @@ use std::io::BufRead;
 use ply_rs::parser::Parser;
 use ply_rs::ply::{Addable, ElementDef, Encoding, Header, PropertyDef, PropertyType, ScalarType};
 
-use super::vertex::{Slot, Vertex};
+use super::vertex::{Vertex, VertexSlot};
 use ostra_core::disk;
 
 /// Maximum size of a PLY header.
@@ -17,17 +17,17 @@ const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// The structure of a file's vertices, as described by its header.
 #[derive(Debug)]
-pub(super) struct Layout {
+pub(super) struct VertexLayout {
     pub(super) encoding: Encoding,
     pub(super) comments: Vec<String>,
     /// Elements before the vertices, which must be skipped.
     pub(super) before: Vec<ElementDef>,
-    /// The vertices, with properties renamed by [`Slot::property_name`].
+    /// The vertices, with properties renamed by [`VertexSlot::property_name`].
     pub(super) vertex: ElementDef,
     /// Elements after the vertices; the last one is the faces, if the file has any.
     pub(super) after: Vec<ElementDef>,
     /// Slot of each vertex property, in file order; `None` is a list.
-    pub(super) columns: Vec<Option<Slot>>,
+    pub(super) columns: Vec<Option<VertexSlot>>,
     /// How colours are stored.
     pub(super) colors: StoredColors,
     /// Whether the positions are stored in 64 bits.
@@ -46,7 +46,7 @@ pub(super) enum StoredColors {
     },
 }
 
-impl Layout {
+impl VertexLayout {
     /// Checks that a file of `bytes` bytes can hold the elements that its header lists.
     ///
     /// This happens before any of them is read, because a header can claim any number of points or
@@ -73,7 +73,7 @@ impl Layout {
     }
 
     /// Returns whether the file has this property.
-    pub(super) fn has(&self, slot: Slot) -> bool {
+    pub(super) fn has(&self, slot: VertexSlot) -> bool {
         self.columns.contains(&Some(slot))
     }
 
@@ -139,12 +139,12 @@ impl Layout {
             double_positions: false,
         };
         layout.vertex.count = found.count;
-        let taken: Vec<(PropertyType, Slot)> =
+        let taken: Vec<(PropertyType, VertexSlot)> =
             slots(&names[place], found.properties.into_iter().map(|(_, p)| p));
         for (data_type, slot) in taken {
             layout.add(slot, data_type);
         }
-        match [Slot::X, Slot::Y, Slot::Z]
+        match [VertexSlot::X, VertexSlot::Y, VertexSlot::Z]
             .into_iter()
             .find(|&slot| !layout.has(slot))
         {
@@ -156,12 +156,14 @@ impl Layout {
         }
     }
 
-    fn add(&mut self, slot: Slot, data_type: PropertyType) {
+    fn add(&mut self, slot: VertexSlot, data_type: PropertyType) {
         let column = self.columns.len();
         if let PropertyType::Scalar(scalar) = &data_type {
             match slot {
-                Slot::Red | Slot::Green | Slot::Blue => self.colors = self.colors.with(scalar),
-                Slot::X => self.double_positions = *scalar == ScalarType::Double,
+                VertexSlot::Red | VertexSlot::Green | VertexSlot::Blue => {
+                    self.colors = self.colors.with(scalar)
+                }
+                VertexSlot::X => self.double_positions = *scalar == ScalarType::Double,
                 _ => {}
             }
             self.columns.push(Some(slot));
@@ -227,11 +229,11 @@ fn number_properties(line: &str, names: &mut Vec<Vec<String>>) -> String {
 
 /// Returns the slot of each property.
 ///
-/// The best-ranked name wins a slot; the other properties get [`Slot::Other`].
+/// The best-ranked name wins a slot; the other properties get [`VertexSlot::Other`].
 fn slots(
     names: &[String],
     properties: impl Iterator<Item = PropertyDef>,
-) -> Vec<(PropertyType, Slot)> {
+) -> Vec<(PropertyType, VertexSlot)> {
     let mut best: BTreeMap<u8, (usize, usize)> = BTreeMap::new();
     let mut columns = Vec::new();
     for (column, property) in properties.enumerate() {
@@ -246,7 +248,7 @@ fn slots(
         }
         columns.push((
             property.data_type,
-            meaning.map_or(Slot::Other, |(slot, _)| slot),
+            meaning.map_or(VertexSlot::Other, |(slot, _)| slot),
         ));
     }
     for (column, (_, slot)) in columns.iter_mut().enumerate() {
@@ -254,26 +256,26 @@ fn slots(
             .get(&(*slot as u8))
             .is_some_and(|&(_, winner)| winner != column)
         {
-            *slot = Slot::Other;
+            *slot = VertexSlot::Other;
         }
     }
     columns
 }
 
 /// Returns the slot that a property name stands for, and its rank in the list of names for it.
-fn slot_of(name: &str) -> Option<(Slot, usize)> {
-    const NAMES: [(Slot, &[&str]); 11] = [
-        (Slot::X, &["x", "px", "pos_x"]),
-        (Slot::Y, &["y", "py", "pos_y"]),
-        (Slot::Z, &["z", "pz", "pos_z"]),
-        (Slot::Nx, &["nx", "normal_x"]),
-        (Slot::Ny, &["ny", "normal_y"]),
-        (Slot::Nz, &["nz", "normal_z"]),
-        (Slot::Red, &["red", "r", "diffuse_red"]),
-        (Slot::Green, &["green", "g", "diffuse_green"]),
-        (Slot::Blue, &["blue", "b", "diffuse_blue"]),
+fn slot_of(name: &str) -> Option<(VertexSlot, usize)> {
+    const NAMES: [(VertexSlot, &[&str]); 11] = [
+        (VertexSlot::X, &["x", "px", "pos_x"]),
+        (VertexSlot::Y, &["y", "py", "pos_y"]),
+        (VertexSlot::Z, &["z", "pz", "pos_z"]),
+        (VertexSlot::Nx, &["nx", "normal_x"]),
+        (VertexSlot::Ny, &["ny", "normal_y"]),
+        (VertexSlot::Nz, &["nz", "normal_z"]),
+        (VertexSlot::Red, &["red", "r", "diffuse_red"]),
+        (VertexSlot::Green, &["green", "g", "diffuse_green"]),
+        (VertexSlot::Blue, &["blue", "b", "diffuse_blue"]),
         (
-            Slot::Label,
+            VertexSlot::Label,
             &[
                 "label",
                 "labels",
@@ -285,7 +287,7 @@ fn slot_of(name: &str) -> Option<(Slot, usize)> {
                 "category",
             ],
         ),
-        (Slot::Confidence, &["confidence"]),
+        (VertexSlot::Confidence, &["confidence"]),
     ];
     let lower = name.to_ascii_lowercase();
     let plain = lower.strip_prefix("scalar_").unwrap_or(&lower);

@@ -23,4 +23,4 @@ pub(super) use comments::{comments_of, origin_comment};
 pub use read::{PlyCloud, read_mesh, read_ply};
 pub use split::{LabelPart, label_paths, save_per_label, split_by_label, twin_path};
 pub(super) use split::{file_part, label_name};
-pub use write::{Coloring, save_mesh, save_ply, write_ply};
+pub use write::{SavedColors, save_mesh, save_ply, write_ply};

@@ -7,8 +7,8 @@ use ply_rs::ply::Encoding;
 
 use super::comments::{origin_from_comments, tree_from_comments};
 use super::elements::{self, Fault, read_faces, skip};
-use super::header::{Layout, StoredColors, first_line};
-use super::vertex::{Slot, Vertex};
+use super::header::{StoredColors, VertexLayout, first_line};
+use super::vertex::{Vertex, VertexSlot};
 use crate::labelled_cloud::name_unknown_labels;
 use crate::{LabelledCloud, LabelledMesh, SceneError};
 use ostra_core::disk;
@@ -88,7 +88,7 @@ pub fn read_mesh(path: &Path, progress: &Progress) -> Result<LabelledMesh, Scene
     let bytes = file.metadata().map_err(io)?.len();
     let mut reader = BufReader::with_capacity(1 << 18, file);
     let read = || -> Result<LabelledMesh, Fault> {
-        let layout = Layout::read(&mut reader)?;
+        let layout = VertexLayout::read(&mut reader)?;
         let vertices = read_vertices(&mut reader, &layout, bytes, progress)?.cloud;
         if vertices.len() != layout.vertex.count {
             return Err(
@@ -122,13 +122,13 @@ pub(super) fn read_from(
     bytes: u64,
     progress: &Progress,
 ) -> Result<PlyCloud, Fault> {
-    let layout = Layout::read(reader)?;
+    let layout = VertexLayout::read(reader)?;
     read_vertices(reader, &layout, bytes, progress)
 }
 
 fn read_vertices(
     reader: &mut impl BufRead,
-    layout: &Layout,
+    layout: &VertexLayout,
     bytes: u64,
     progress: &Progress,
 ) -> Result<PlyCloud, Fault> {
@@ -162,7 +162,7 @@ fn read_vertices(
 
 fn read_vertex(
     reader: &mut impl BufRead,
-    layout: &Layout,
+    layout: &VertexLayout,
     line: &mut String,
 ) -> Result<Vertex, String> {
     let parser = Parser::<Vertex>::new();
@@ -197,7 +197,7 @@ struct Builder {
 }
 
 impl Builder {
-    fn new(layout: &Layout, capacity: usize) -> Self {
+    fn new(layout: &VertexLayout, capacity: usize) -> Self {
         let cloud = LabelledCloud {
             positions: Vec::with_capacity(capacity),
             normals: Vec::with_capacity(capacity),
@@ -211,8 +211,10 @@ impl Builder {
             cloud,
             wide_colors: Vec::new(),
             colors: layout.colors,
-            has_colors: layout.has(Slot::Red) && layout.has(Slot::Green) && layout.has(Slot::Blue),
-            has_confidence: layout.has(Slot::Confidence),
+            has_colors: layout.has(VertexSlot::Red)
+                && layout.has(VertexSlot::Green)
+                && layout.has(VertexSlot::Blue),
+            has_confidence: layout.has(VertexSlot::Confidence),
             is_exact: layout.double_positions || layout.encoding == Encoding::Ascii,
             shift: None,
             first: Vec::new(),
@@ -222,12 +224,16 @@ impl Builder {
     }
 
     fn push(&mut self, vertex: &Vertex) -> Result<(), String> {
-        let exact = DVec3::new(vertex.at(Slot::X), vertex.at(Slot::Y), vertex.at(Slot::Z));
+        let exact = DVec3::new(
+            vertex.at(VertexSlot::X),
+            vertex.at(VertexSlot::Y),
+            vertex.at(VertexSlot::Z),
+        );
         if !exact.as_vec3().is_finite() {
             self.dropped += 1;
             return Ok(());
         }
-        let stored = vertex.at(Slot::Label);
+        let stored = vertex.at(VertexSlot::Label);
         let label = if means_no_label(stored) {
             self.without_label.get_or_insert((0, stored)).0 += 1;
             LabelId::NONE
@@ -236,7 +242,8 @@ impl Builder {
         };
         self.push_position(exact);
         self.cloud.normals.push(self.normal(vertex));
-        let color = [Slot::Red, Slot::Green, Slot::Blue].map(|slot| vertex.at(slot));
+        let color =
+            [VertexSlot::Red, VertexSlot::Green, VertexSlot::Blue].map(|slot| vertex.at(slot));
         match self.colors {
             _ if !self.has_colors => self.cloud.colors.push([192; 3]),
             StoredColors::Bytes => self.cloud.colors.push(color.map(|channel| channel as u8)),
@@ -282,9 +289,9 @@ impl Builder {
 
     fn normal(&self, vertex: &Vertex) -> Vec3 {
         let normal = DVec3::new(
-            vertex.at(Slot::Nx),
-            vertex.at(Slot::Ny),
-            vertex.at(Slot::Nz),
+            vertex.at(VertexSlot::Nx),
+            vertex.at(VertexSlot::Ny),
+            vertex.at(VertexSlot::Nz),
         )
         .as_vec3();
         // Unit normals are kept bit for bit, so that writing what was read gives the same file.
@@ -341,14 +348,14 @@ impl Builder {
 
     fn confidence(&self, vertex: &Vertex, label: LabelId) -> f32 {
         match self.has_confidence {
-            true => (vertex.at(Slot::Confidence) as f32)
+            true => (vertex.at(VertexSlot::Confidence) as f32)
                 .clamp(0.0, 1.0)
                 .max(0.0),
             false => f32::from(u8::from(label != LabelId::NONE)),
         }
     }
 
-    fn finish(mut self, layout: &Layout) -> PlyCloud {
+    fn finish(mut self, layout: &VertexLayout) -> PlyCloud {
         if self.shift.is_none() {
             self.choose_origin();
         }
@@ -370,8 +377,10 @@ impl Builder {
         }
         self.cloud.origin += self.shift.unwrap_or_default();
         PlyCloud {
-            has_labels: layout.has(Slot::Label),
-            has_normals: layout.has(Slot::Nx) && layout.has(Slot::Ny) && layout.has(Slot::Nz),
+            has_labels: layout.has(VertexSlot::Label),
+            has_normals: layout.has(VertexSlot::Nx)
+                && layout.has(VertexSlot::Ny)
+                && layout.has(VertexSlot::Nz),
             has_colors: self.has_colors,
             cloud: self.cloud,
             warnings,

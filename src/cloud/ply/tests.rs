@@ -21,7 +21,7 @@ fn read(bytes: &[u8]) -> Result<PlyCloud, String> {
 
 fn written(cloud: &LabelledCloud) -> Vec<u8> {
     let mut bytes = Vec::new();
-    write_ply(&mut bytes, cloud, Coloring::Image, &Progress::default()).unwrap();
+    write_ply(&mut bytes, cloud, SavedColors::Image, &Progress::default()).unwrap();
     bytes
 }
 
@@ -316,7 +316,8 @@ fn parts_and_label_colour_copy_are_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cloud.ply");
     let progress = Progress::default();
-    let save = |path: &Path, part: &LabelledCloud| save_ply(path, part, Coloring::Image, &progress);
+    let save =
+        |path: &Path, part: &LabelledCloud| save_ply(path, part, SavedColors::Image, &progress);
     let files = save_per_label(&path, &sample(), save).unwrap();
     let names: Vec<_> = files
         .iter()
@@ -328,7 +329,7 @@ fn parts_and_label_colour_copy_are_written() {
         (part.len(), part.labels[0], &part.tree),
         (1, LabelId(3), &sample().tree)
     );
-    save_ply(&twin_path(&path), &sample(), Coloring::Labels, &progress).unwrap();
+    save_ply(&twin_path(&path), &sample(), SavedColors::Labels, &progress).unwrap();
     let twin = read_ply(&folder.path().join("cloud_labels.ply"), &progress)
         .unwrap()
         .cloud;
@@ -340,20 +341,25 @@ fn parts_and_label_colour_copy_are_written() {
 fn stopped_or_failed_save_leaves_the_old_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cloud.ply");
-    save_ply(&path, &sample(), Coloring::Image, &Progress::default()).unwrap();
+    save_ply(&path, &sample(), SavedColors::Image, &Progress::default()).unwrap();
     let before = std::fs::read(&path).unwrap();
     let stopped = Progress::default();
     stopped.stop();
-    let result = save_ply(&path, &sample(), Coloring::Labels, &stopped);
+    let result = save_ply(&path, &sample(), SavedColors::Labels, &stopped);
     assert!(matches!(result, Err(SceneError::Stopped(_))));
     assert_eq!(std::fs::read(&path).unwrap(), before);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     let missing = folder.path().join("no/where.ply");
     assert!(
-        save_ply(&missing, &sample(), Coloring::Image, &Progress::default())
-            .unwrap_err()
-            .to_string()
-            .contains("no/where")
+        save_ply(
+            &missing,
+            &sample(),
+            SavedColors::Image,
+            &Progress::default()
+        )
+        .unwrap_err()
+        .to_string()
+        .contains("no/where")
     );
 }
 
@@ -368,11 +374,11 @@ fn mesh_survives_a_round_trip_and_can_be_read_as_a_cloud() {
         triangles: vec![[0, 1, 2], [2, 1, 0]],
     };
     let progress = Progress::default();
-    save_mesh(&path, &mesh, Coloring::Image, &progress).unwrap();
+    save_mesh(&path, &mesh, SavedColors::Image, &progress).unwrap();
     assert!(read_mesh(&path, &progress).unwrap() == mesh);
     assert!(read_ply(&path, &progress).unwrap().cloud == mesh.vertices);
     let cloud = folder.path().join("cloud.ply");
-    save_ply(&cloud, &sample(), Coloring::Image, &progress).unwrap();
+    save_ply(&cloud, &sample(), SavedColors::Image, &progress).unwrap();
     assert!(
         read_mesh(&cloud, &progress)
             .unwrap_err()

@@ -4,7 +4,7 @@ use ply_rs::ply::{Property, PropertyAccess, PropertyAccessResult};
 ///
 /// It is also the index in [`Vertex`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Slot {
+pub(super) enum VertexSlot {
     X,
     Y,
     Z,
@@ -20,10 +20,10 @@ pub(super) enum Slot {
     Other,
 }
 
-/// Number of [`Slot`]s.
-const SLOTS: usize = Slot::Other as usize + 1;
+/// Number of [`VertexSlot`]s.
+const SLOTS: usize = VertexSlot::Other as usize + 1;
 
-impl Slot {
+impl VertexSlot {
     /// Returns the name under which a property of this slot is passed to ply-rs.
     ///
     /// The first byte is the slot, the rest makes names unique. Only one byte is examined per
@@ -33,18 +33,18 @@ impl Slot {
     }
 }
 
-/// One vertex being read: every scalar as `f64`, by [`Slot`].
+/// One vertex being read: every scalar as `f64`, by [`VertexSlot`].
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Vertex([f64; SLOTS]);
 
 impl Vertex {
     /// Returns the value of a slot, or 0 if the file does not have it.
-    pub(super) fn at(&self, slot: Slot) -> f64 {
+    pub(super) fn at(&self, slot: VertexSlot) -> f64 {
         self.0[slot as usize]
     }
 
     /// Sets the value of a slot.
-    pub(super) fn put(&mut self, slot: Slot, value: f64) {
+    pub(super) fn put(&mut self, slot: VertexSlot, value: f64) {
         self.0[slot as usize] = value;
     }
 

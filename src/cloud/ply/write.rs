@@ -25,7 +25,7 @@ const POINT_BYTES: usize = 7 * 4 + 3 + 4;
 
 /// The colours of a written cloud.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Coloring {
+pub enum SavedColors {
     /// Image colours.
     #[default]
     Image,
@@ -33,7 +33,7 @@ pub enum Coloring {
     Labels,
 }
 
-impl Coloring {
+impl SavedColors {
     /// Returns the colours of the points in sRGB.
     #[must_use]
     pub fn of(self, cloud: &LabelledCloud) -> Cow<'_, [[u8; 3]]> {
@@ -56,12 +56,12 @@ impl Coloring {
 pub fn save_ply(
     path: &Path,
     cloud: &LabelledCloud,
-    coloring: Coloring,
+    coloring: SavedColors,
     progress: &Progress,
 ) -> Result<(), SceneError> {
     save(
         path,
-        &Content {
+        &PlyContent {
             cloud,
             triangles: None,
             coloring,
@@ -81,12 +81,12 @@ pub fn save_ply(
 pub fn save_mesh(
     path: &Path,
     mesh: &LabelledMesh,
-    coloring: Coloring,
+    coloring: SavedColors,
     progress: &Progress,
 ) -> Result<(), SceneError> {
     save(
         path,
-        &Content {
+        &PlyContent {
             cloud: &mesh.vertices,
             triangles: Some(&mesh.triangles),
             coloring,
@@ -96,13 +96,13 @@ pub fn save_mesh(
 }
 
 /// The content of a file.
-struct Content<'a> {
+struct PlyContent<'a> {
     cloud: &'a LabelledCloud,
     triangles: Option<&'a [[u32; 3]]>,
-    coloring: Coloring,
+    coloring: SavedColors,
 }
 
-fn save(path: &Path, content: &Content<'_>, progress: &Progress) -> Result<(), SceneError> {
+fn save(path: &Path, content: &PlyContent<'_>, progress: &Progress) -> Result<(), SceneError> {
     write_whole(path, |out| write(out, content, progress))
 }
 
@@ -114,12 +114,12 @@ fn save(path: &Path, content: &Content<'_>, progress: &Progress) -> Result<(), S
 pub fn write_ply<W: Write>(
     out: W,
     cloud: &LabelledCloud,
-    coloring: Coloring,
+    coloring: SavedColors,
     progress: &Progress,
 ) -> Result<(), SceneError> {
     write(
         out,
-        &Content {
+        &PlyContent {
             cloud,
             triangles: None,
             coloring,
@@ -128,8 +128,12 @@ pub fn write_ply<W: Write>(
     )
 }
 
-fn write<W: Write>(out: W, content: &Content<'_>, progress: &Progress) -> Result<(), SceneError> {
-    let Content {
+fn write<W: Write>(
+    out: W,
+    content: &PlyContent<'_>,
+    progress: &Progress,
+) -> Result<(), SceneError> {
+    let PlyContent {
         cloud,
         triangles,
         coloring,

@@ -71,7 +71,7 @@ struct Disc {
 }
 
 /// The rendered part of the image: the bounding box of a region, in pixels.
-struct Part {
+struct RenderedBox {
     left: usize,
     top: usize,
     width: usize,
@@ -91,7 +91,7 @@ pub(super) fn seen_in(
     region: &Region,
     is_drawn: impl Fn(usize) -> bool + Sync,
 ) -> Vec<u32> {
-    let Some(part) = Part::around(region) else {
+    let Some(part) = RenderedBox::around(region) else {
         return Vec::new();
     };
     let discs = discs(points, spacing, sight, &part, is_drawn);
@@ -115,7 +115,7 @@ fn discs(
     points: &[Vec3],
     spacing: f64,
     sight: &PosedCamera,
-    part: &Part,
+    part: &RenderedBox,
     is_drawn: impl Fn(usize) -> bool + Sync,
 ) -> Vec<Disc> {
     let disc = |(point, &position): (usize, &Vec3)| {
@@ -137,7 +137,7 @@ fn discs(
     points.par_iter().enumerate().filter_map(disc).collect()
 }
 
-impl Part {
+impl RenderedBox {
     /// Returns the bounding box of a region, or `None` if the region has no pixels.
     fn around(region: &Region) -> Option<Self> {
         let width = region.width as usize;

@@ -3,7 +3,7 @@
 use glam::{IVec3, Vec3};
 use wide::f32x8;
 
-use super::measured::{Facing, Pixel};
+use super::frame_measurements::{Facing, SurfacePixel};
 
 /// Number of voxels along an edge of a block.
 pub(super) const EDGE: usize = 8;
@@ -27,7 +27,7 @@ const SHARES: f32 = 32768.0;
 /// M. Splietker, S. Behnke, *Directional TSDF: Modeling Surface Orientation for Coherent Meshes*,
 /// IROS 2019, but with two sides per voxel instead of six in all.
 #[derive(Debug)]
-pub(super) struct Block {
+pub(super) struct VoxelBlock {
     /// Position of the block, in blocks from the volume's origin.
     pub(super) place: IVec3,
     /// The number of the last frame that came near the block.
@@ -62,7 +62,7 @@ struct VoxelRow {
 
 /// One side of a surface near a sample.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Voxel {
+pub(super) struct TsdfVoxel {
     /// Signed distance from the surface in truncations, −1 (behind) to 1 (in front).
     pub(super) distance: f32,
     /// Sum of the frames' weights, above 0.
@@ -81,17 +81,17 @@ pub(super) struct RowUpdate<'a> {
     pub(super) distance: f32x8,
     pub(super) weight: f32x8,
     /// The pixel that sees each voxel.
-    pub(super) pixels: [&'a Pixel; EDGE],
+    pub(super) pixels: [&'a SurfacePixel; EDGE],
 }
 
-impl Voxel {
+impl TsdfVoxel {
     /// Returns the colour in sRGB.
     pub(super) fn color(&self) -> Vec3 {
         Vec3::from_array(self.color.map(f32::from)) / 256.0
     }
 }
 
-impl Block {
+impl VoxelBlock {
     /// Size in bytes of a block with one layer.
     pub(super) const BYTES: usize = size_of::<Self>() + size_of::<Layer>();
 
@@ -107,7 +107,7 @@ impl Block {
     /// Returns the layers of a voxel that are sides of a surface.
     ///
     /// If one layer was seen well, the other one is ignored if it was only seen from its rim.
-    pub(super) fn sides(&self, voxel: usize) -> [Option<Voxel>; 2] {
+    pub(super) fn sides(&self, voxel: usize) -> [Option<TsdfVoxel>; 2] {
         let (first, first_sight) = self.first.at(voxel);
         let Some(second) = &self.second else {
             return [first, None];
@@ -196,7 +196,7 @@ impl Layer {
     }
 
     /// Returns a voxel, if it was seen, and how well it was seen.
-    fn at(&self, voxel: usize) -> (Option<Voxel>, u8) {
+    fn at(&self, voxel: usize) -> (Option<TsdfVoxel>, u8) {
         let (row, x) = (&self.rows[voxel / EDGE], voxel % EDGE);
         if row.weight[x] <= 0.0 {
             return (None, 0);
@@ -204,7 +204,7 @@ impl Layer {
         let (distance, weight, normal, color) =
             (row.distance[x], row.weight[x], row.normal[x], row.color[x]);
         (
-            Some(Voxel {
+            Some(TsdfVoxel {
                 distance,
                 weight,
                 normal,
@@ -243,7 +243,7 @@ impl VoxelRow {
     }
 
     /// Blends in a share of a pixel's colour, and takes its normal if it has the best view so far.
-    fn see(&mut self, lane: usize, pixel: &Pixel, share: i32) {
+    fn see(&mut self, lane: usize, pixel: &SurfacePixel, share: i32) {
         for (mean, new) in self.color[lane].iter_mut().zip(pixel.color) {
             let change = (i32::from(new) << 8) - i32::from(*mean);
             *mean = (i32::from(*mean) + ((change * share + (1 << 14)) >> 15)) as u16;

@@ -5,8 +5,8 @@ use std::sync::LazyLock;
 use glam::{DVec3, IVec3, Vec3};
 use rayon::prelude::*;
 
-use super::block::{Block, EDGE, ROWS, Signs, SignsAround, Voxel, lanes_in, voxel_at};
-use super::measured::Facing;
+use super::block::{EDGE, ROWS, Signs, SignsAround, TsdfVoxel, VoxelBlock, lanes_in, voxel_at};
+use super::frame_measurements::Facing;
 use super::sparse_volume::Volume;
 use ostra_core::job::{Progress, Stopped};
 
@@ -36,18 +36,18 @@ struct Vertices {
 }
 
 /// A sample in its two layers.
-type Layers = [Option<Voxel>; 2];
+type Layers = [Option<TsdfVoxel>; 2];
 
 /// A block and those after it, by the number of their corner.
 struct NeighbourBlocks<'a> {
     numbers: [Option<usize>; 8],
-    blocks: [Option<&'a Block>; 8],
+    blocks: [Option<&'a VoxelBlock>; 8],
     /// The first corner of the block in world space.
     corner: DVec3,
 }
 
 /// One side of the surface in a cell: for each corner, the layer and its sample.
-type Side = [(usize, Voxel); CORNERS];
+type Side = [(usize, TsdfVoxel); CORNERS];
 
 impl Volume {
     /// Extracts the surface between voxels in front of it and behind it.
@@ -55,7 +55,7 @@ impl Volume {
     /// A cell contributes triangles if all its corners were seen, and the surface often enough. The
     /// same volume gives the same triangles for any number of threads.
     pub(super) fn extract(self, progress: &Progress) -> Result<Raw, Stopped> {
-        let signs: Vec<Signs> = self.blocks.par_iter().map(Block::signs).collect();
+        let signs: Vec<Signs> = self.blocks.par_iter().map(VoxelBlock::signs).collect();
         let vertices: Vec<Vertices> = self
             .blocks
             .par_iter()
@@ -96,7 +96,7 @@ impl Volume {
         Ok(raw)
     }
 
-    fn around(&self, block: &Block) -> NeighbourBlocks<'_> {
+    fn around(&self, block: &VoxelBlock) -> NeighbourBlocks<'_> {
         let numbers = std::array::from_fn(|next| self.block(block.place + corner(next as i32)));
         let blocks = numbers.map(|number| number.map(|number| &self.blocks[number]));
         NeighbourBlocks {
@@ -106,7 +106,7 @@ impl Volume {
         }
     }
 
-    fn vertices_of(&self, block: &Block, signs: &[Signs]) -> Vertices {
+    fn vertices_of(&self, block: &VoxelBlock, signs: &[Signs]) -> Vertices {
         let mut found = Vertices {
             edges: Vec::new(),
             positions: Vec::new(),
@@ -164,7 +164,7 @@ impl Volume {
 
     fn triangles_of(
         &self,
-        block: &Block,
+        block: &VoxelBlock,
         signs: &[Signs],
         vertices: &[Vertices],
         first: &[u32],
@@ -222,8 +222,9 @@ fn place_of(voxel: usize) -> IVec3 {
 /// Returns the layer whose normal agrees best with `normal`.
 ///
 /// Returns `None` if no layer can be the same side of the surface.
-fn same_side(layers: Layers, normal: Facing) -> Option<(usize, Voxel)> {
-    let agreement = |layer: Option<Voxel>| layer.map_or(i32::MIN, |layer| layer.normal.dot(normal));
+fn same_side(layers: Layers, normal: Facing) -> Option<(usize, TsdfVoxel)> {
+    let agreement =
+        |layer: Option<TsdfVoxel>| layer.map_or(i32::MIN, |layer| layer.normal.dot(normal));
     let [first, second] = layers.map(agreement);
     let best = usize::from(second >= first);
     (first.max(second) > Facing::SAME_SIDE).then_some((best, layers[best]?))
@@ -260,7 +261,7 @@ impl NeighbourBlocks<'_> {
         for (layers, number) in corners.iter_mut().zip(0..) {
             *layers = self.at(place + corner(number));
         }
-        let side = |begin: Option<Voxel>| -> Option<Side> {
+        let side = |begin: Option<TsdfVoxel>| -> Option<Side> {
             let normal = begin?.normal;
             let mut side = [(0, begin?); CORNERS];
             for (chosen, layers) in side.iter_mut().zip(corners) {

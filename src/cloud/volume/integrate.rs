@@ -2,8 +2,8 @@ use glam::{DVec3, IVec3, Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 use wide::{f32x8, i32x8};
 
-use super::block::{Block, EDGE, ROWS, RowUpdate, lanes_in};
-use super::measured::{Measured, Pixel};
+use super::block::{EDGE, ROWS, RowUpdate, VoxelBlock, lanes_in};
+use super::frame_measurements::{FrameMeasurements, SurfacePixel};
 use super::sparse_volume::Volume;
 use ostra_core::job::{Progress, Stopped};
 
@@ -30,18 +30,22 @@ impl Volume {
     /// Each voxel near the visible surface receives its distance along the surface normal (B.
     /// Curless, M. Levoy, *A Volumetric Method for Building Complex Models from Range Images*,
     /// SIGGRAPH 1996).
-    pub(super) fn add(&mut self, frame: &Measured, progress: &Progress) -> Result<(), Stopped> {
+    pub(super) fn add(
+        &mut self,
+        frame: &FrameMeasurements,
+        progress: &Progress,
+    ) -> Result<(), Stopped> {
         self.frames += 1;
         let places = self.near(frame);
         progress.check()?;
         let number = self.frames;
         self.touch(&places, number);
         let (origin, voxel, truncation) = (self.origin, self.options.voxel, self.truncation());
-        let sight = |block: &Block| {
+        let sight = |block: &VoxelBlock| {
             let corner = origin + block.place.as_dvec3() * (EDGE as f64 * voxel);
             BlockView::new(frame, corner, voxel, truncation)
         };
-        let mut seen: Vec<(BlockView<'_>, &mut Block)> = self
+        let mut seen: Vec<(BlockView<'_>, &mut VoxelBlock)> = self
             .blocks
             .iter_mut()
             .filter(|block| block.frame == number)
@@ -56,7 +60,7 @@ impl Volume {
     }
 
     /// Returns the positions of all blocks within the truncation of a frame's surface, in order.
-    fn near(&self, frame: &Measured) -> Vec<IVec3> {
+    fn near(&self, frame: &FrameMeasurements) -> Vec<IVec3> {
         let world_from_camera = frame.rotation.transpose();
         let centre = (world_from_camera * -frame.translation - self.origin) / self.options.voxel;
         let near = NearBlocks {
@@ -66,7 +70,7 @@ impl Volume {
             reach: self.truncation(),
         };
         let rows = |first: usize| {
-            let mut places = Places::new();
+            let mut places = BlockPositions::new();
             for y in first..(first + BAND).min(frame.height) {
                 near.row(y, &mut places);
             }
@@ -82,7 +86,7 @@ impl Volume {
 
 /// Finds the blocks near the surface that a frame sees.
 struct NearBlocks<'a> {
-    frame: &'a Measured,
+    frame: &'a FrameMeasurements,
     /// The camera centre, in voxels.
     centre: Vec3,
     /// Rotation from camera space, divided by the voxel size.
@@ -93,8 +97,8 @@ struct NearBlocks<'a> {
 
 impl NearBlocks<'_> {
     /// Adds the blocks near the surface that the pixels of a row see.
-    fn row(&self, y: usize, places: &mut Places) {
-        let Measured {
+    fn row(&self, y: usize, places: &mut BlockPositions) {
+        let FrameMeasurements {
             width,
             focal,
             principal,
@@ -152,7 +156,7 @@ fn floor(at: f32x8) -> [i32; LANES] {
 }
 
 /// Positions of blocks, with few duplicates.
-struct Places {
+struct BlockPositions {
     found: Vec<IVec3>,
     /// The range added last. Most pixels see the same blocks as the previous pixel.
     last: (IVec3, IVec3),
@@ -160,7 +164,7 @@ struct Places {
     recent: Vec<IVec3>,
 }
 
-impl Places {
+impl BlockPositions {
     fn new() -> Self {
         Self {
             found: Vec::new(),
@@ -192,7 +196,7 @@ impl Places {
 
 /// A block in the camera space of one frame.
 struct BlockView<'a> {
-    frame: &'a Measured,
+    frame: &'a FrameMeasurements,
     /// The first voxel of the block in camera space; `steps` lead to the next one in x, y and z.
     corner: Vec3,
     steps: [Vec3; 3],
@@ -200,7 +204,7 @@ struct BlockView<'a> {
 }
 
 impl<'a> BlockView<'a> {
-    fn new(frame: &'a Measured, corner: DVec3, voxel: f64, truncation: f32) -> Self {
+    fn new(frame: &'a FrameMeasurements, corner: DVec3, voxel: f64, truncation: f32) -> Self {
         let corner = (frame.rotation * corner + frame.translation).as_vec3();
         let axes = [
             frame.rotation.x_axis,
@@ -228,7 +232,7 @@ impl<'a> BlockView<'a> {
         tile(at_px.y, last.y) * (self.frame.width as u32 / TILE + 1) + tile(at_px.x, last.x)
     }
 
-    fn update(&self, block: &mut Block) {
+    fn update(&self, block: &mut VoxelBlock) {
         for row in 0..ROWS {
             let first = self.corner
                 + self.steps[1] * (row % EDGE) as f32
@@ -262,7 +266,7 @@ impl<'a> BlockView<'a> {
             (column & is_seen).fast_trunc_int().to_array(),
             (row & is_seen).fast_trunc_int().to_array(),
         );
-        let pixels: [&Pixel; EDGE] = std::array::from_fn(|lane| {
+        let pixels: [&SurfacePixel; EDGE] = std::array::from_fn(|lane| {
             &self.frame.pixels[row[lane] as usize * self.frame.width + column[lane] as usize]
         });
         let (mut depth, mut slant, mut weight) = ([0.0; EDGE], [0.0; EDGE], [0.0; EDGE]);

@@ -7,12 +7,12 @@
 
 mod block;
 mod extract;
+mod frame_measurements;
 mod integrate;
-mod measured;
 mod sparse_volume;
 mod surface;
 #[cfg(test)]
 mod tests;
 
 pub use sparse_volume::VolumeOptions;
-pub use surface::{Surface, reconstruct_surface};
+pub use surface::{ReconstructedSurface, reconstruct_surface};

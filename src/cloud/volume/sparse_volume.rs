@@ -4,7 +4,7 @@ use glam::{DVec3, IVec3};
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
-use super::block::{Block, EDGE};
+use super::block::{EDGE, VoxelBlock};
 
 /// Options of surface reconstruction.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -59,7 +59,7 @@ impl Default for VolumeOptions {
 
 impl VolumeOptions {
     /// Number of voxels along the edge of a block, and the minimum size of a block in bytes.
-    pub const BLOCK: (u32, usize) = (EDGE as u32, Block::BYTES);
+    pub const BLOCK: (u32, usize) = (EDGE as u32, VoxelBlock::BYTES);
 
     /// Returns the options for depths from stereo.
     ///
@@ -88,7 +88,7 @@ pub(super) struct Volume {
     /// Origin of block (0, 0, 0) in world space.
     pub(super) origin: DVec3,
     /// Blocks in order of allocation.
-    pub(super) blocks: Vec<Block>,
+    pub(super) blocks: Vec<VoxelBlock>,
     places: FxHashMap<IVec3, u32>,
     pub(super) frames: u32,
 }
@@ -124,7 +124,7 @@ impl Volume {
     pub(super) fn touch(&mut self, places: &[IVec3], frame: u32) {
         for &place in places {
             let index = *self.places.entry(place).or_insert_with(|| {
-                self.blocks.push(Block::new(place));
+                self.blocks.push(VoxelBlock::new(place));
                 (self.blocks.len() - 1) as u32
             });
             self.blocks[index as usize].frame = frame;
@@ -133,6 +133,6 @@ impl Volume {
 
     /// Returns the size of the blocks in bytes.
     pub(super) fn bytes(&self) -> usize {
-        self.blocks.iter().map(Block::bytes).sum()
+        self.blocks.iter().map(VoxelBlock::bytes).sum()
     }
 }

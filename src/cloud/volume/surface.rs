@@ -1,7 +1,7 @@
 //! Reconstruction of a mesh from frames: integration, extraction and component filtering.
 
 use super::extract::Raw;
-use super::measured::{DepthFrame, Measured, Pixel};
+use super::frame_measurements::{DepthFrame, FrameMeasurements, SurfacePixel};
 use super::sparse_volume::{Volume, VolumeOptions};
 use crate::fuse::{Views, nearest_corner, readable};
 use crate::{LabelledCloud, LabelledMesh, SceneError};
@@ -12,7 +12,7 @@ use ostra_masks::LabelId;
 
 /// A reconstructed surface, with the number of frames and the memory it took.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Surface {
+pub struct ReconstructedSurface {
     /// The mesh; its vertices have normals and colours but no labels yet.
     pub mesh: LabelledMesh,
     /// Number of frames that were added.
@@ -36,7 +36,7 @@ pub fn reconstruct_surface(
     views: &dyn Views,
     options: &VolumeOptions,
     progress: &Progress,
-) -> Result<Surface, SceneError> {
+) -> Result<ReconstructedSurface, SceneError> {
     check(options)?;
     progress.stage("surface")?;
     let usable: Vec<usize> = (0..views.frames().len())
@@ -85,7 +85,7 @@ pub fn reconstruct_surface(
     .filter(|at| keep[at])
     .0;
     mesh.compute_normals();
-    Ok(Surface {
+    Ok(ReconstructedSurface {
         mesh,
         frames,
         bytes,
@@ -122,8 +122,8 @@ fn load(
     views: &dyn Views,
     index: usize,
     options: &VolumeOptions,
-    pixels: Vec<Pixel>,
-) -> Result<Option<Measured>, SceneError> {
+    pixels: Vec<SurfacePixel>,
+) -> Result<Option<FrameMeasurements>, SceneError> {
     let frame = &views.frames()[index];
     let (image, depth) = rayon::join(|| views.image(index), || views.depth(index));
     let (Some(depth), Some((camera, pose))) = (depth?, frame.posed_camera()) else {
@@ -157,7 +157,7 @@ fn load(
         depth: &depth,
         image: &image,
     };
-    Ok(Some(Measured::new(
+    Ok(Some(FrameMeasurements::new(
         &frame,
         options.edge_tolerance,
         wanted,

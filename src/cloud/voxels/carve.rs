@@ -192,7 +192,7 @@ pub(super) fn carve(
                 frame.name
             )));
         }
-        let view = View {
+        let view = CarveView {
             camera,
             pose,
             depth: &depth,
@@ -217,14 +217,14 @@ pub(super) fn carve(
     Ok(Carved { enclosed, free })
 }
 
-struct View<'a> {
+struct CarveView<'a> {
     camera: &'a Camera,
     pose: &'a Pose,
     depth: &'a DepthMap,
     voxel: f64,
 }
 
-impl View<'_> {
+impl CarveView<'_> {
     /// Returns whether all pixels that see part of a cell have a depth clearly beyond it.
     ///
     /// One more pixel on every side is included.

@@ -15,7 +15,7 @@ const REACH: f64 = GRID_REACH as f64;
 
 /// Sums over the points in one voxel.
 #[derive(Default)]
-struct Cell {
+struct OccupiedVoxel {
     points: u32,
     color: [u32; 3],
     normal: Vec3,
@@ -42,7 +42,7 @@ pub fn voxelize(
             "a voxel size of {voxel} is not possible; give a length above 0"
         )));
     }
-    let mut cells: BTreeMap<[i32; 3], Cell> = BTreeMap::new();
+    let mut cells: BTreeMap<[i32; 3], OccupiedVoxel> = BTreeMap::new();
     for (point, position) in cloud.positions.iter().enumerate() {
         let place = (position.as_dvec3() / voxel).floor();
         if place.abs().max_element() >= REACH {

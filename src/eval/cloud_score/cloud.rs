@@ -3,7 +3,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::in_depth::{FeatureViews, differences_by_features, differences_by_guess};
-use super::labels::{LabelScore, pair_labels, score_labels};
+use super::labels::{CloudLabelScore, pair_labels, score_labels};
 use ostra_cloud::points::Neighbours;
 use ostra_cloud::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
@@ -43,7 +43,7 @@ pub struct CloudScore {
     /// Number of result points.
     pub result_points: usize,
     /// Labels of the ground truth points compared with those of their nearest result points.
-    pub labels: LabelScore,
+    pub labels: CloudLabelScore,
     /// Median distance from a ground truth point to the nearest result point, in cloud units.
     pub median_distance: f64,
     /// Number of pairs of a result point and a ground truth point that were compared in depth.

@@ -7,7 +7,7 @@ use ostra_masks::{LabelId, LabelTree};
 
 /// Labels of ground truth points compared with the labels of the result.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct LabelScore {
+pub struct CloudLabelScore {
     /// IoU of each label in the ground truth, sorted by id.
     pub iou: Vec<LabelIou>,
     /// Mean IoU over those labels; 0 if there are none.
@@ -53,7 +53,7 @@ pub(super) fn score_labels(
     taken: impl Iterator<Item = Taken>,
     result_tree: &LabelTree,
     paired: &BTreeMap<LabelId, LabelId>,
-) -> LabelScore {
+) -> CloudLabelScore {
     let mut counts: BTreeMap<(LabelId, LabelId), usize> = BTreeMap::new();
     let mut matched = 0;
     for (&label, taken) in truth.labels.iter().zip(taken) {
@@ -66,7 +66,7 @@ pub(super) fn score_labels(
     let iou = ious(&counts, &names);
     let labelled: usize = sum(&counts, |row, _| row != LabelId::NONE);
     let right = sum(&counts, |row, column| row != LabelId::NONE && row == column);
-    LabelScore {
+    CloudLabelScore {
         mean_iou: iou.iter().map(|label| label.iou).sum::<f64>() / iou.len().max(1) as f64,
         accuracy: share(right, labelled),
         matched: share(matched, truth.len()),
@@ -75,9 +75,9 @@ pub(super) fn score_labels(
     }
 }
 
-type Counts = BTreeMap<(LabelId, LabelId), usize>;
+type LabelPairCounts = BTreeMap<(LabelId, LabelId), usize>;
 
-fn sum(counts: &Counts, of: impl Fn(LabelId, LabelId) -> bool) -> usize {
+fn sum(counts: &LabelPairCounts, of: impl Fn(LabelId, LabelId) -> bool) -> usize {
     counts
         .iter()
         .filter(|((row, column), _)| of(*row, *column))
@@ -93,7 +93,7 @@ fn share(part: usize, whole: usize) -> f64 {
     }
 }
 
-fn ious(counts: &Counts, names: &BTreeMap<LabelId, String>) -> Vec<LabelIou> {
+fn ious(counts: &LabelPairCounts, names: &BTreeMap<LabelId, String>) -> Vec<LabelIou> {
     let mut ids: Vec<LabelId> = counts
         .keys()
         .map(|&(row, _)| row)
@@ -112,7 +112,7 @@ fn ious(counts: &Counts, names: &BTreeMap<LabelId, String>) -> Vec<LabelIou> {
     ids.into_iter().map(iou).collect()
 }
 
-fn confusion(counts: &Counts, names: &BTreeMap<LabelId, String>) -> Confusion {
+fn confusion(counts: &LabelPairCounts, names: &BTreeMap<LabelId, String>) -> Confusion {
     let axis = |of: fn(&(LabelId, LabelId)) -> LabelId| {
         let mut ids: Vec<LabelId> = counts.keys().map(of).collect();
         ids.sort_unstable();

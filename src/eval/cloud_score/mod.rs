@@ -9,5 +9,5 @@ mod tests;
 
 pub use cloud::{CloudScore, CloudScoreOptions, SurfaceScore, inside_frusta, score_cloud};
 pub use in_depth::FeatureViews;
-pub use labels::{Confusion, LabelIou, LabelScore, pair_labels};
-pub use table::{Table, cloud_table};
+pub use labels::{CloudLabelScore, Confusion, LabelIou, pair_labels};
+pub use table::{TextTable, cloud_table};

@@ -4,11 +4,11 @@ use super::cloud::CloudScore;
 
 /// A text table; the first column is aligned left, the others right.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Table {
+pub struct TextTable {
     rows: Vec<Vec<String>>,
 }
 
-impl Table {
+impl TextTable {
     /// Appends a row; rows may differ in length.
     pub fn row<S: Into<String>>(&mut self, cells: impl IntoIterator<Item = S>) {
         self.rows.push(cells.into_iter().map(Into::into).collect());
@@ -47,7 +47,7 @@ impl Table {
 /// Returns the score of a cloud as text: labels, surface, confusion.
 #[must_use]
 pub fn cloud_table(score: &CloudScore) -> String {
-    let mut labels = Table::default();
+    let mut labels = TextTable::default();
     labels.row(["label", "IoU", "points"]);
     for label in &score.labels.iou {
         labels.row([
@@ -61,7 +61,7 @@ pub fn cloud_table(score: &CloudScore) -> String {
         format!("{:.4}", score.labels.mean_iou),
         score.truth_points.to_string(),
     ]);
-    let mut shares = Table::default();
+    let mut shares = TextTable::default();
     shares.row([
         "accuracy".to_string(),
         format!("{:.4}", score.labels.accuracy),
@@ -79,7 +79,7 @@ pub fn cloud_table(score: &CloudScore) -> String {
     }
     let mut text = format!("{}\n{}", labels.text(), shares.text());
     if !score.surface.is_empty() {
-        let mut surface = Table::default();
+        let mut surface = TextTable::default();
         surface.row(["within", "completeness", "accuracy", "F", "in depth"]);
         for at in &score.surface {
             let shares =
@@ -100,7 +100,7 @@ pub fn cloud_table(score: &CloudScore) -> String {
 
 fn confusion_text(score: &CloudScore) -> String {
     let confusion = &score.labels.confusion;
-    let mut table = Table::default();
+    let mut table = TextTable::default();
     table
         .row(std::iter::once("truth \\ result").chain(confusion.result.iter().map(String::as_str)));
     for (name, counts) in confusion.truth.iter().zip(&confusion.counts) {

@@ -11,9 +11,9 @@ use super::report::{
 use super::user::{DemoDriver, ProgressSink, SimulatedUser};
 use super::workspace;
 use crate::cloud_score::{CloudScoreOptions, score_cloud};
-use crate::synthetic::{Scene, SceneOptions, TruthOptions, View};
+use crate::synthetic::{Scene, SceneOptions, SyntheticView, TruthOptions};
 use ostra_cloud::LabelledCloud;
-use ostra_cloud::ply::{Coloring, read_mesh, read_ply, save_mesh, save_ply};
+use ostra_cloud::ply::{SavedColors, read_mesh, read_ply, save_mesh, save_ply};
 use ostra_core::disk;
 use ostra_core::job::Progress;
 use ostra_frames::cameras::IntrinsicsSource;
@@ -272,11 +272,16 @@ fn make_recording(scene: &Scene, out: &Path) -> Result<LabelledCloud> {
         },
         &progress,
     )?;
-    save_ply(&truth.join("cloud.ply"), &cloud, Coloring::Image, &progress)?;
+    save_ply(
+        &truth.join("cloud.ply"),
+        &cloud,
+        SavedColors::Image,
+        &progress,
+    )?;
     Ok(cloud)
 }
 
-fn new_project(out: &Path, method: DemoMethod, views: &[View]) -> NewProject {
+fn new_project(out: &Path, method: DemoMethod, views: &[SyntheticView]) -> NewProject {
     let recording = out.join("recording");
     let given = |path: &str, given: bool| given.then(|| recording.join(path));
     let depth = given("depth", method != DemoMethod::Stereo);
@@ -313,7 +318,7 @@ fn new_project(out: &Path, method: DemoMethod, views: &[View]) -> NewProject {
 fn align(
     [cloud, mesh]: [Option<&PathBuf>; 2],
     frames: &[Frame],
-    views: &[View],
+    views: &[SyntheticView],
     alignment: Alignment,
 ) -> Result<()> {
     let pairs = frames.iter().zip(views).filter_map(|(frame, view)| {
@@ -326,12 +331,12 @@ fn align(
     if let Some(path) = cloud {
         let mut cloud = read_ply(path, &progress)?.cloud;
         transform(&mut cloud, &to_truth);
-        save_ply(path, &cloud, Coloring::Image, &progress)?;
+        save_ply(path, &cloud, SavedColors::Image, &progress)?;
     }
     if let Some(path) = mesh {
         let mut mesh = read_mesh(path, &progress)?;
         transform(&mut mesh.vertices, &to_truth);
-        save_mesh(path, &mesh, Coloring::Image, &progress)?;
+        save_mesh(path, &mesh, SavedColors::Image, &progress)?;
     }
     Ok(())
 }

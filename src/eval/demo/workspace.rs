@@ -7,8 +7,8 @@ use anyhow::{Context, Result, bail, ensure};
 use serde::{Deserialize, Serialize};
 
 use ostra_core::disk;
-use ostra_project::export_record::{Claim, is_being_written, lock_folder};
-use ostra_project::export_record::{ExportRecord, Known, files_below};
+use ostra_project::export_record::{ExportClaim, is_being_written, lock_folder};
+use ostra_project::export_record::{ExportFileState, ExportRecord, files_below};
 use ostra_project::store::Lock;
 
 /// File that marks a folder made by a demo.
@@ -53,7 +53,7 @@ impl Marker {
 /// # Errors
 /// Returns an error if the folder holds files that no demo made, if files of an earlier demo have
 /// changed, or if another demo uses the folder.
-pub fn prepare(out: &Path) -> Result<Claim> {
+pub fn prepare(out: &Path) -> Result<ExportClaim> {
     let is_empty = fs::read_dir(out).map_or(true, |mut entries| entries.next().is_none());
     if is_empty {
         fs::create_dir_all(out).with_context(|| {
@@ -93,14 +93,14 @@ pub fn prepare(out: &Path) -> Result<Claim> {
 }
 
 /// Claims the folder against other demos; the demo itself exports into it.
-fn claim(out: &Path) -> Result<Claim> {
+fn claim(out: &Path) -> Result<ExportClaim> {
     let _locked = lock_folder(out)?;
     ensure!(
         !is_being_written(out, MADE[0]),
         "{}: another demo runs there; choose another folder",
         out.display()
     );
-    Claim::take(out, &[MADE[0].to_owned()])
+    ExportClaim::take(out, &[MADE[0].to_owned()])
 }
 
 /// Records what the demo made; call it when everything is written and the project is closed.
@@ -138,7 +138,7 @@ fn made_files(out: &Path) -> Result<Vec<PathBuf>> {
 fn remove_unchanged(out: &Path, record: &ExportRecord) -> Result<()> {
     let kept = made_files(out)?
         .into_iter()
-        .find(|file| record.known(out, file) != Some(Known::Unchanged));
+        .find(|file| record.state_of(out, file) != Some(ExportFileState::Unchanged));
     if let Some(file) = kept {
         bail!(
             "{}: was changed or added after the demo that made {}; choose another folder, or remove this one first",

@@ -14,7 +14,7 @@ const TOLERANCE: f64 = 0.008;
 /// and evaluation methodology for video object segmentation", CVPR 2016.
 #[must_use]
 pub fn boundary_f(truth: &Region, result: &Region) -> f64 {
-    let Some(window) = Window::around(truth, result) else {
+    let Some(window) = BoundaryWindow::around(truth, result) else {
         return 1.0;
     };
     let diagonal = f64::from(truth.width).hypot(f64::from(truth.height));
@@ -42,7 +42,7 @@ fn share_near(boundary: &Region, other: &Region, tolerance: f64) -> f64 {
 }
 
 /// The part of a frame that can contain boundaries.
-struct Window {
+struct BoundaryWindow {
     left: u32,
     top: u32,
     /// Exclusive.
@@ -51,7 +51,7 @@ struct Window {
     bottom: u32,
 }
 
-impl Window {
+impl BoundaryWindow {
     /// Returns the bounding box of both regions, extended by one pixel to the left and the top.
     ///
     /// The right and lower neighbours of the additional pixels can be inside. Returns `None` if

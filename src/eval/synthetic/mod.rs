@@ -24,4 +24,4 @@ mod write;
 pub use options::{SceneKind, SceneOptions, SensorNoise};
 pub use scene::Scene;
 pub use truth::TruthOptions;
-pub use view::{RenderedView, View};
+pub use view::{RenderedView, SyntheticView};

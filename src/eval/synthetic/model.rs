@@ -7,7 +7,7 @@ use ostra_masks::{Label, LabelId, LabelTree};
 
 /// All surfaces of a scene in one mesh, ready for rendering.
 #[derive(Debug, Clone)]
-pub(super) struct Model {
+pub(super) struct SceneMesh {
     pub(super) positions: Vec<DVec3>,
     pub(super) normals: Vec<Vec3>,
     pub(super) uv: Vec<Vec2>,
@@ -33,7 +33,7 @@ impl PartAppearance {
     }
 }
 
-impl Model {
+impl SceneMesh {
     /// Joins the parts of an assembly (at most 65 535); its tree and traits are left in place.
     pub(super) fn joined(assembly: &mut Assembly) -> Self {
         let mut whole = super::mesh::Mesh::default();
@@ -69,7 +69,7 @@ impl Model {
 
 /// A surface with one label and one material.
 #[derive(Debug, Clone)]
-pub(super) struct Part {
+pub(super) struct ScenePart {
     /// 0 for the surroundings.
     pub(super) label: LabelId,
     pub(super) material: Material,
@@ -81,7 +81,7 @@ pub(super) struct Part {
 /// The output of a scene builder.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Assembly {
-    pub(super) parts: Vec<Part>,
+    pub(super) parts: Vec<ScenePart>,
     pub(super) bitmaps: Vec<Bitmap>,
     pub(super) tree: LabelTree,
     pub(super) traits: Vec<TraitRow>,
@@ -89,7 +89,7 @@ pub(super) struct Assembly {
 
 impl Assembly {
     pub(super) fn add(&mut self, label: LabelId, material: Material, seed: u32, mesh: Mesh) {
-        self.parts.push(Part {
+        self.parts.push(ScenePart {
             label,
             material,
             seed,

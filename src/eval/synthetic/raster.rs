@@ -3,7 +3,7 @@ use std::ops::Range;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::model::Model;
+use super::model::SceneMesh;
 use ostra_geometry::{Camera, Pose};
 
 /// Marks a sample without a triangle.
@@ -28,7 +28,7 @@ pub(super) struct Facet {
 
 /// All triangles in the view of one camera, sorted into bands of image rows.
 pub(super) struct Raster<'a> {
-    model: &'a Model,
+    model: &'a SceneMesh,
     camera: Camera,
     pub(super) world_from_camera: Pose,
     x_in_camera: Vec<DVec3>,
@@ -48,7 +48,7 @@ pub(super) struct Hits {
 }
 
 impl<'a> Raster<'a> {
-    pub(super) fn new(model: &'a Model, camera: &Camera, camera_from_world: &Pose) -> Self {
+    pub(super) fn new(model: &'a SceneMesh, camera: &Camera, camera_from_world: &Pose) -> Self {
         let x_in_camera: Vec<DVec3> = model
             .positions
             .par_iter()

@@ -2,9 +2,9 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::material::encoded;
-use super::model::{Model, PartAppearance};
+use super::model::{PartAppearance, SceneMesh};
 use super::raster::{Facet, NOTHING, Raster, band_rows};
-use super::view::{RenderedView, View, look_at};
+use super::view::{RenderedView, SyntheticView, look_at};
 use ostra_frames::{DepthMap, Image};
 use ostra_geometry::{Camera, Pose};
 use ostra_masks::{LabelId, LabelMask};
@@ -13,7 +13,7 @@ use ostra_masks::{LabelId, LabelMask};
 const SAMPLES: u32 = 3;
 
 /// Pixels of some rows.
-struct Band {
+struct RowBand {
     colors: Vec<[u8; 3]>,
     depths: Vec<f32>,
     labels: Vec<LabelId>,
@@ -22,7 +22,7 @@ struct Band {
 /// Renders a view.
 ///
 /// Colour is the average of 3 × 3 samples per pixel. Depth and label are exact at the pixel centre.
-pub(super) fn render(model: &Model, light: &Light, view: &View) -> RenderedView {
+pub(super) fn render(model: &SceneMesh, light: &Light, view: &SyntheticView) -> RenderedView {
     let raster = Raster::new(model, &view.camera, &view.camera_from_world);
     let painter = Painter {
         model,
@@ -30,7 +30,7 @@ pub(super) fn render(model: &Model, light: &Light, view: &View) -> RenderedView 
         raster: &raster,
         view,
     };
-    let bands: Vec<Band> = (0..raster.band_count())
+    let bands: Vec<RowBand> = (0..raster.band_count())
         .into_par_iter()
         .map(|band| painter.band(band))
         .collect();
@@ -62,10 +62,10 @@ pub(super) fn render(model: &Model, light: &Light, view: &View) -> RenderedView 
 }
 
 struct Painter<'a> {
-    model: &'a Model,
+    model: &'a SceneMesh,
     light: &'a Light,
     raster: &'a Raster<'a>,
-    view: &'a View,
+    view: &'a SyntheticView,
 }
 
 /// The samples of a pixel (column, row).
@@ -84,11 +84,11 @@ const ALL: [(u32, u32); 9] = [
 const CORNERS: [(u32, u32); 4] = [(0, 0), (2, 0), (0, 2), (2, 2)];
 
 impl Painter<'_> {
-    fn band(&self, band: usize) -> Band {
+    fn band(&self, band: usize) -> RowBand {
         let rows = band_rows(&self.view.camera, band);
         let hits = self.raster.hits(band, SAMPLES);
         let stride = (self.view.camera.width * SAMPLES) as usize;
-        let mut out = Band {
+        let mut out = RowBand {
             colors: Vec::new(),
             depths: Vec::new(),
             labels: Vec::new(),
@@ -186,7 +186,7 @@ const SIDE: u32 = 1400;
 const BIAS_M: f64 = 0.0025;
 
 impl Light {
-    pub(super) fn new(model: &Model, target: DVec3) -> Self {
+    pub(super) fn new(model: &SceneMesh, target: DVec3) -> Self {
         let centre = DVec3::new(-0.75, -1.35, 1.55);
         let focal = f64::from(SIDE) * (target - centre).length() / 0.75;
         let half = 0.5 * f64::from(SIDE);

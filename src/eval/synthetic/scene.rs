@@ -1,12 +1,12 @@
 use glam::DVec3;
 
 use super::bricks::build_bricks;
-use super::model::Model;
+use super::model::SceneMesh;
 use super::options::{SceneKind, SceneOptions};
 use super::render::{Light, render};
 use super::tiller::build_tiller;
 use super::truth::{TruthOptions, TruthSource, exact_cloud};
-use super::view::{RenderedView, View, arc_of_views, spoil};
+use super::view::{RenderedView, SyntheticView, arc_of_views, spoil};
 use ostra_cloud::measure::TraitRow;
 use ostra_cloud::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
@@ -18,9 +18,9 @@ use ostra_masks::{Label, LabelId, LabelTree};
 #[derive(Debug, Clone)]
 pub struct Scene {
     options: SceneOptions,
-    pub(super) model: Model,
+    pub(super) model: SceneMesh,
     pub(super) light: Light,
-    pub(super) views: Vec<View>,
+    pub(super) views: Vec<SyntheticView>,
     tree: LabelTree,
     traits: Vec<TraitRow>,
 }
@@ -45,7 +45,7 @@ impl Scene {
             SceneKind::Tiller => build_tiller(options.seed),
             SceneKind::Bricks => build_bricks(options.seed),
         };
-        let model = Model::joined(&mut assembly);
+        let model = SceneMesh::joined(&mut assembly);
         let light = Light::new(&model, DVec3::new(0.0, 0.0, 0.25));
         let views = arc_of_views(options);
         Ok(Self {
@@ -66,7 +66,7 @@ impl Scene {
 
     /// Returns the cameras in order along the arc.
     #[must_use]
-    pub fn views(&self) -> &[View] {
+    pub fn views(&self) -> &[SyntheticView] {
         &self.views
     }
 
@@ -113,13 +113,13 @@ impl Scene {
 
     /// Renders a view without noise; it need not be one of [`Self::views`].
     #[must_use]
-    pub fn render_exact(&self, view: &View) -> RenderedView {
+    pub fn render_exact(&self, view: &SyntheticView) -> RenderedView {
         render(&self.model, &self.light, view)
     }
 
     /// Renders a view like [`Self::render_exact`], with the sensor noise of the options.
     #[must_use]
-    pub fn render(&self, view: &View) -> RenderedView {
+    pub fn render(&self, view: &SyntheticView) -> RenderedView {
         let mut rendered = self.render_exact(view);
         if let Some(noise) = &self.options.noise {
             spoil(

@@ -4,11 +4,11 @@ use rustc_hash::FxHashMap;
 
 use super::material::encoded;
 use super::mesh::face_normal;
-use super::model::Model;
+use super::model::SceneMesh;
 use super::noise::Dice;
 use super::raster::{Raster, band_rows};
 use super::render::Light;
-use super::view::View;
+use super::view::SyntheticView;
 use ostra_cloud::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::LabelTree;
@@ -62,9 +62,9 @@ impl TruthOptions {
 
 /// The parts of a scene from which its exact cloud is made.
 pub(super) struct TruthSource<'a> {
-    pub model: &'a Model,
+    pub model: &'a SceneMesh,
     pub light: &'a Light,
-    pub views: &'a [View],
+    pub views: &'a [SyntheticView],
     pub tree: &'a LabelTree,
     /// Seed of the positions of the points.
     pub seed: u64,
@@ -117,7 +117,7 @@ pub(super) fn exact_cloud(
     Ok(cloud)
 }
 
-fn interpolate<T>(spot: &Spot, model: &Model, value: impl Fn(usize) -> T) -> T
+fn interpolate<T>(spot: &Spot, model: &SceneMesh, value: impl Fn(usize) -> T) -> T
 where
     T: std::ops::Mul<f32, Output = T> + std::iter::Sum,
 {
@@ -130,14 +130,14 @@ where
 }
 
 /// Number of views per spot, and the centre of the first camera that sees it.
-type Observations = Vec<(usize, Option<DVec3>)>;
+type SpotObservations = Vec<(usize, Option<DVec3>)>;
 
 fn count_observations(
-    model: &Model,
+    model: &SceneMesh,
     spots: &[Spot],
-    views: &[View],
+    views: &[SyntheticView],
     progress: &Progress,
-) -> Result<Observations, SceneError> {
+) -> Result<SpotObservations, SceneError> {
     let mut seen = vec![(0, None); spots.len()];
     for (k, view) in views.iter().enumerate() {
         progress.step(k, views.len())?;
@@ -169,7 +169,7 @@ const LEAST: f64 = 0.8;
 /// Source: Cook, "Stochastic sampling in computer graphics", ACM Transactions on Graphics 1986.
 /// There is about one point per `spacing(part)²` square metres. Parts whose spacing is `None` are
 /// left out.
-fn cover(model: &Model, seed: u64, spacing: impl Fn(usize) -> Option<f64> + Sync) -> Vec<Spot> {
+fn cover(model: &SceneMesh, seed: u64, spacing: impl Fn(usize) -> Option<f64> + Sync) -> Vec<Spot> {
     let mut triangles_of = vec![Vec::new(); model.appearances.len()];
     for (triangle, &appearance) in model.appearance_of.iter().enumerate() {
         triangles_of[usize::from(appearance)].push(triangle as u32);
@@ -185,7 +185,7 @@ fn cover(model: &Model, seed: u64, spacing: impl Fn(usize) -> Option<f64> + Sync
     covered.concat()
 }
 
-fn cover_part(model: &Model, triangles: &[u32], spacing: f64, dice: &mut Dice) -> Vec<Spot> {
+fn cover_part(model: &SceneMesh, triangles: &[u32], spacing: f64, dice: &mut Dice) -> Vec<Spot> {
     let mut kept: Vec<Spot> = Vec::new();
     let mut grid: FxHashMap<IVec3, Vec<u32>> = FxHashMap::default();
     let least = LEAST * spacing;
@@ -217,7 +217,7 @@ fn cover_part(model: &Model, triangles: &[u32], spacing: f64, dice: &mut Dice) -
     kept
 }
 
-fn throw(model: &Model, triangle: u32, dice: &mut Dice) -> Spot {
+fn throw(model: &SceneMesh, triangle: u32, dice: &mut Dice) -> Spot {
     let (mut a, mut b) = (dice.range(0.0, 1.0), dice.range(0.0, 1.0));
     if a + b > 1.0 {
         (a, b) = (1.0 - a, 1.0 - b);
@@ -242,9 +242,9 @@ const BEHIND_M: f64 = 2e-5;
 /// Returns the indices of the spots that a view sees, in ascending order.
 ///
 /// Every spot has its own ray, so the result is exact and does not depend on the image resolution.
-fn visible_spots(model: &Model, spots: &[Spot], view: &View) -> Vec<usize> {
+fn visible_spots(model: &SceneMesh, spots: &[Spot], view: &SyntheticView) -> Vec<usize> {
     let raster = Raster::new(model, &view.camera, &view.camera_from_world);
-    let pixels = Pixels::new(spots, view);
+    let pixels = SpotsByPixel::new(spots, view);
     let bands = (0..raster.band_count())
         .into_par_iter()
         .map(|band| seen_in_band(&raster, &pixels, view, band));
@@ -253,7 +253,12 @@ fn visible_spots(model: &Model, spots: &[Spot], view: &View) -> Vec<usize> {
     seen
 }
 
-fn seen_in_band(raster: &Raster<'_>, pixels: &Pixels, view: &View, band: usize) -> Vec<usize> {
+fn seen_in_band(
+    raster: &Raster<'_>,
+    pixels: &SpotsByPixel,
+    view: &SyntheticView,
+    band: usize,
+) -> Vec<usize> {
     let (width, rows) = (view.camera.width, band_rows(&view.camera, band));
     let first = pixels.range(0, rows.start).start;
     let last = pixels.range(width - 1, rows.end - 1).end;
@@ -279,7 +284,7 @@ fn seen_in_band(raster: &Raster<'_>, pixels: &Pixels, view: &View, band: usize) 
 }
 
 /// Spots sorted by pixel.
-struct Pixels {
+struct SpotsByPixel {
     width: u32,
     /// Start of each pixel's spots in the lists below, with one more entry at the end.
     starts: Vec<usize>,
@@ -287,8 +292,8 @@ struct Pixels {
     x_in_camera: Vec<DVec3>,
 }
 
-impl Pixels {
-    fn new(spots: &[Spot], view: &View) -> Self {
+impl SpotsByPixel {
+    fn new(spots: &[Spot], view: &SyntheticView) -> Self {
         let (width, height) = (view.camera.width, view.camera.height);
         let place = |(k, spot): (usize, &Spot)| {
             let x_in_camera = view.camera_from_world.transform(spot.x);

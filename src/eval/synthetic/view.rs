@@ -9,7 +9,7 @@ use ostra_masks::LabelMask;
 
 /// A camera of a scene.
 #[derive(Debug, Clone, PartialEq)]
-pub struct View {
+pub struct SyntheticView {
     /// File name without extension, e.g. `007`.
     pub name: String,
     /// Index along the arc, from 0.
@@ -33,7 +33,7 @@ pub struct RenderedView {
     pub camera: FrameCamera,
 }
 
-impl View {
+impl SyntheticView {
     /// Returns the camera in the form that frames use.
     #[must_use]
     pub fn frame_camera(&self) -> FrameCamera {
@@ -51,7 +51,7 @@ struct Subject {
 }
 
 /// Returns views from left to right along an arc around the specimen, looking slightly down.
-pub(super) fn arc_of_views(options: &SceneOptions) -> Vec<View> {
+pub(super) fn arc_of_views(options: &SceneOptions) -> Vec<SyntheticView> {
     let subject = match options.scene {
         SceneKind::Tiller => Subject {
             middle: DVec3::new(0.0, 0.0, 0.303),
@@ -91,7 +91,7 @@ pub(super) fn arc_of_views(options: &SceneOptions) -> Vec<View> {
             );
             let camera_from_world =
                 look_at(subject.middle + options.distance_m * away, subject.middle);
-            View {
+            SyntheticView {
                 name: format!("{index:0digits$}"),
                 index,
                 camera,

@@ -4,7 +4,7 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use super::scene::Scene;
-use super::view::View;
+use super::view::SyntheticView;
 use ostra_cloud::SceneError;
 use ostra_cloud::measure::{LengthUnit, traits_csv};
 use ostra_core::disk::{self, AtomicFile};
@@ -135,7 +135,7 @@ fn write_mask(path: &Path, mask: &LabelMask, tree: &LabelTree) -> Result<(), Sce
 }
 
 /// Writes a COLMAP text model: one PINHOLE camera for all views, a pose for each, no points.
-fn write_cameras(dir: &Path, views: &[View]) -> Result<(), SceneError> {
+fn write_cameras(dir: &Path, views: &[SyntheticView]) -> Result<(), SceneError> {
     fs::create_dir_all(dir).map_err(io_error(dir))?;
     let (mut cameras, mut images) = (
         String::from("# CAMERA_ID MODEL WIDTH HEIGHT PARAMS\n"),

@@ -12,13 +12,13 @@ use ostra_core::image::blend;
 /// 1990).
 #[derive(Debug, Clone)]
 pub struct ShapeBlend {
-    first: Shape,
-    second: Shape,
+    first: RegionShape,
+    second: RegionShape,
 }
 
 /// Signed distance, centroid and size of a region.
 #[derive(Debug, Clone)]
-struct Shape {
+struct RegionShape {
     width: usize,
     height: usize,
     /// Distance from the outline in pixels, row by row; positive outside, negative inside.
@@ -41,8 +41,8 @@ impl ShapeBlend {
             ));
         }
         Ok(Self {
-            first: Shape::of(first),
-            second: Shape::of(second),
+            first: RegionShape::of(first),
+            second: RegionShape::of(second),
         })
     }
 
@@ -70,7 +70,7 @@ impl ShapeBlend {
     }
 }
 
-impl Shape {
+impl RegionShape {
     fn of(region: &Region) -> Self {
         let (width, height) = (region.width as usize, region.height as usize);
         let longest = (width + height) as f32;

@@ -67,12 +67,12 @@ pub(crate) fn winding_spans(
 }
 
 /// A row of pixels.
-struct Row {
+struct PixelRow {
     start: usize,
     width: usize,
 }
 
-impl Row {
+impl PixelRow {
     /// Returns the indices of its pixels whose centres lie between two x coordinates.
     fn between(&self, left: f64, right: f64) -> Range<usize> {
         self.start + first_from(left, self.width)..self.start + first_from(right, self.width)
@@ -91,7 +91,7 @@ fn crossings<R: AsRef<[DVec2]>>(
     width: u32,
     height: u32,
     rings: &[R],
-) -> Result<impl Iterator<Item = (Row, Vec<Crossing>)> + use<R>, MaskError> {
+) -> Result<impl Iterator<Item = (PixelRow, Vec<Crossing>)> + use<R>, MaskError> {
     let (width, height) = (width as usize, height as usize);
     rings
         .iter()
@@ -109,7 +109,7 @@ fn crossings<R: AsRef<[DVec2]>>(
     Ok((top..).zip(crossings).map(move |(row, mut crossings)| {
         crossings.sort_unstable_by(|a, b| a.at.total_cmp(&b.at));
         (
-            Row {
+            PixelRow {
                 start: row * width,
                 width,
             },

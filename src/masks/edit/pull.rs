@@ -71,7 +71,7 @@ impl ElasticBorders {
     /// shrinks until the two ends are apart. Returns `None` without borders.
     #[must_use]
     pub fn pull(&self, from_px: DVec2, to_px: DVec2) -> Option<Pull> {
-        let Place { ring, side, at_px } = self.place(from_px)?;
+        let BorderPoint { ring, side, at_px } = self.place(from_px)?;
         let across = ring
             .iter()
             .map(|corner| corner.distance(at_px))
@@ -94,26 +94,26 @@ impl ElasticBorders {
         })
     }
 
-    fn place(&self, at_px: DVec2) -> Option<Place<'_>> {
+    fn place(&self, at_px: DVec2) -> Option<BorderPoint<'_>> {
         let sides = self
             .rings
             .iter()
             .flat_map(|ring| (0..ring.len()).map(move |side| (ring, side)));
         let places = sides.map(|(ring, side)| {
             let nearest = nearest_on_segment(at_px, ring[side], ring[(side + 1) % ring.len()]);
-            Place {
+            BorderPoint {
                 ring,
                 side,
                 at_px: nearest,
             }
         });
-        let off = |place: &Place<'_>| place.at_px.distance_squared(at_px);
+        let off = |place: &BorderPoint<'_>| place.at_px.distance_squared(at_px);
         places.min_by(|a, b| off(a).total_cmp(&off(b)))
     }
 }
 
 /// A point on a border.
-struct Place<'a> {
+struct BorderPoint<'a> {
     ring: &'a [DVec2],
     /// Index of the corner at which the side that contains the point starts.
     side: usize,

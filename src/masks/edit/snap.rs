@@ -5,7 +5,7 @@ use glam::{DVec2, Vec3};
 use super::brush::stroke;
 use crate::components::{Connectivity, components};
 use crate::lab::lab_of_pixel;
-use crate::maxflow::{FlowGraph, Link};
+use crate::maxflow::{FlowGraph, FlowLink};
 use crate::{MaskError, Region};
 use ostra_core::statistics::upper_median;
 use ostra_frames::Image;
@@ -51,15 +51,15 @@ pub fn snapped_stroke(
 ) -> Result<Region, MaskError> {
     let whole = stroke(image.width, image.height, points_px, radius_px)?;
     let core = stroke(image.width, image.height, points_px, radius_px * CORE_SHARE)?;
-    let band = Band::new(image, &whole, &core);
-    let appearance = Appearance::new(image, points_px, radius_px * CORE_SHARE);
+    let band = StrokeBand::new(image, &whole, &core);
+    let appearance = StrokeAppearance::new(image, points_px, radius_px * CORE_SHARE);
     let mut kept = band.cut(&appearance);
     keep_touching(&mut kept, &core);
     Ok(kept)
 }
 
 /// Pixels of a stroke as nodes of a graph.
-struct Band<'a> {
+struct StrokeBand<'a> {
     image: &'a Image,
     whole: &'a Region,
     core: &'a Region,
@@ -70,7 +70,7 @@ struct Band<'a> {
     nodes: Vec<u32>,
 }
 
-impl<'a> Band<'a> {
+impl<'a> StrokeBand<'a> {
     fn new(image: &'a Image, whole: &'a Region, core: &'a Region) -> Self {
         let places: Vec<u32> = (0..whole.inside.len() as u32)
             .filter(|&at| whole.inside[at as usize])
@@ -110,7 +110,7 @@ impl<'a> Band<'a> {
         steps
     }
 
-    fn cut(&self, appearance: &Appearance) -> Region {
+    fn cut(&self, appearance: &StrokeAppearance) -> Region {
         let steps = self.steps();
         let scale = difference_scale(&steps);
         let terminal = self.places.iter().zip(&self.colors).map(|(&at, &color)| {
@@ -126,7 +126,7 @@ impl<'a> Band<'a> {
         });
         let link = |&(from, to, step): &(u32, u32, f32)| {
             let cost = (BORDER_COST * (-(step / scale).powi(2)).exp() * UNITS) as i32 + 1;
-            Link {
+            FlowLink {
                 from,
                 to,
                 forward: cost,
@@ -158,11 +158,11 @@ fn difference_scale(steps: &[(u32, u32, f32)]) -> f32 {
 }
 
 /// Appearance of the core along the stroke.
-struct Appearance {
+struct StrokeAppearance {
     places: Vec<(DVec2, Vec<Vec3>)>,
 }
 
-impl Appearance {
+impl StrokeAppearance {
     /// Samples the core's colours on a grid around points along the stroke.
     fn new(image: &Image, points_px: &[DVec2], core_px: f64) -> Self {
         let place = |at: DVec2| (at, colors_around(image, at, core_px));

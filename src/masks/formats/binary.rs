@@ -53,7 +53,7 @@ pub(super) fn import(
     }
     let mut skipped = Skipped::default();
     let objects = read_files(&files, frames, &mut skipped, progress)?;
-    let jobs: Vec<(usize, Vec<(LabelId, Object)>)> = objects.into_iter().collect();
+    let jobs: Vec<(usize, Vec<(LabelId, ObjectMask)>)> = objects.into_iter().collect();
     let read = in_parallel(&jobs, progress, |(frame, objects)| {
         frame_mask(&frames[*frame], objects, label_import.tree())
     })?;
@@ -188,7 +188,7 @@ impl LabelFile<'_> {
 }
 
 /// Values of a label's mask, and the lowest value that counts as inside.
-struct Object {
+struct ObjectMask {
     mask: RunMask,
     lowest: u32,
 }
@@ -205,7 +205,7 @@ fn read_files(
     frames: &[MaskFrame<'_>],
     skipped: &mut Skipped,
     progress: &Progress,
-) -> Result<BTreeMap<usize, Vec<(LabelId, Object)>>, MaskError> {
+) -> Result<BTreeMap<usize, Vec<(LabelId, ObjectMask)>>, MaskError> {
     let read_file = |label_file: &LabelFile<'_>| {
         let path = &label_file.file.path;
         let frame = &frames[label_file.frame];
@@ -230,7 +230,7 @@ fn read_files(
     if let Some(error) = first_error.filter(|_| by_label.is_empty()) {
         return Err(error);
     }
-    let mut objects: BTreeMap<usize, Vec<(LabelId, Object)>> = BTreeMap::new();
+    let mut objects: BTreeMap<usize, Vec<(LabelId, ObjectMask)>> = BTreeMap::new();
     for (label, mut read) in by_label {
         reconcile_cut_outs(read.iter_mut().map(|(_, mask, how)| (mask, how)));
         let in_steps = |how: &HowRead| !how.alpha.is_cut_out() && !how.is_bilevel;
@@ -258,7 +258,7 @@ fn read_files(
             objects
                 .entry(file.frame)
                 .or_default()
-                .push((label, Object { mask, lowest }));
+                .push((label, ObjectMask { mask, lowest }));
         }
     }
     Ok(objects)
@@ -274,14 +274,14 @@ fn highest_value(mask: &RunMask) -> u32 {
 
 fn frame_mask(
     frame: &MaskFrame<'_>,
-    objects: &[(LabelId, Object)],
+    objects: &[(LabelId, ObjectMask)],
     tree: &LabelTree,
 ) -> Result<Stacked, MaskError> {
     let layers = objects
         .iter()
         .map(|(label, object)| (*label, object))
         .collect();
-    stacked(frame, layers, tree, |object: &&Object, emit| {
+    stacked(frame, layers, tree, |object: &&ObjectMask, emit| {
         let mut start = 0;
         for &(value, length) in &object.mask.runs {
             let end = start + length as usize;

@@ -2,9 +2,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use super::coco_categories::{CategoryLabels, import_categories};
-use super::coco_draw::{Drawn, frame_mask, outline_of};
+use super::coco_draw::{OutlinedAnnotation, frame_mask, outline_of};
 use super::coco_json::{
-    Annotation, Category, Counts, Dataset, Entry, Id, ImageEntry, Segmentation,
+    Annotation, Category, Dataset, Id, ImageEntry, ListEntry, RleCounts, Segmentation,
 };
 use super::files::{
     FoundFile, Skipped, in_parallel, invalid, io_error, list_files, read_text, write_whole,
@@ -61,7 +61,7 @@ pub(super) fn import(
     let CategoryLabels { labels, warnings } =
         import_categories(&categories, &used, &mut label_import)
             .map_err(|error| invalid(&path, error.to_string()))?;
-    let jobs: Vec<(usize, Vec<Drawn<'_>>)> = annotations.into_iter().collect();
+    let jobs: Vec<(usize, Vec<OutlinedAnnotation<'_>>)> = annotations.into_iter().collect();
     let read = in_parallel(&jobs, progress, |(frame, drawn)| {
         frame_mask(
             &frames[*frame],
@@ -118,7 +118,7 @@ pub(super) fn import(
 /// Annotations of a file.
 struct DrawnByFrame<'d> {
     /// Annotations with an outline, by frame.
-    frames: BTreeMap<usize, Vec<Drawn<'d>>>,
+    frames: BTreeMap<usize, Vec<OutlinedAnnotation<'d>>>,
     /// Number of annotations without an outline.
     without_outline: usize,
 }
@@ -126,10 +126,10 @@ struct DrawnByFrame<'d> {
 /// Groups the annotations by frame.
 fn drawn_by_frame<'d>(
     dataset: &'d Dataset,
-    images: &Images<'_>,
+    images: &CocoImages<'_>,
     skipped: &mut Skipped,
 ) -> DrawnByFrame<'d> {
-    let mut drawn: BTreeMap<usize, Vec<Drawn<'_>>> = BTreeMap::new();
+    let mut drawn: BTreeMap<usize, Vec<OutlinedAnnotation<'_>>> = BTreeMap::new();
     let mut without_outline = 0;
     let what = "annotations without image or category were left out";
     for annotation in readable(&dataset.annotations, what, skipped) {
@@ -145,7 +145,7 @@ fn drawn_by_frame<'d>(
             (Some(None), _) => {}
             (Some(Some(_)), None) => without_outline += 1,
             (Some(&Some(frame)), Some(outline)) => {
-                drawn.entry(frame).or_default().push(Drawn {
+                drawn.entry(frame).or_default().push(OutlinedAnnotation {
                     annotation,
                     outline,
                 });
@@ -160,7 +160,7 @@ fn drawn_by_frame<'d>(
 
 /// Returns the entries that could be read and counts the others.
 fn readable<'e, T>(
-    entries: &'e [Entry<T>],
+    entries: &'e [ListEntry<T>],
     what: &'static str,
     skipped: &mut Skipped,
 ) -> Vec<&'e T> {
@@ -183,7 +183,7 @@ pub(super) fn export(
     progress: &Progress,
 ) -> Result<(), MaskError> {
     let image = |&(frame, mask): &(usize, &RunMask)| {
-        Entry::Read(ImageEntry {
+        ListEntry::Read(ImageEntry {
             id: image_id(frame),
             file_name: export.frames[frame].name.to_owned(),
             width: Some(mask.width),
@@ -198,8 +198,11 @@ pub(super) fn export(
         annotation.id = id.into();
     }
     let images = export.masks.iter().map(image).collect();
-    let annotations = annotations.into_iter().map(Entry::Read).collect();
-    let categories = categories(export)?.into_iter().map(Entry::Read).collect();
+    let annotations = annotations.into_iter().map(ListEntry::Read).collect();
+    let categories = categories(export)?
+        .into_iter()
+        .map(ListEntry::Read)
+        .collect();
     let dataset = Dataset {
         images,
         annotations,
@@ -232,14 +235,14 @@ fn dataset_file(path: &Path) -> Result<PathBuf, MaskError> {
 }
 
 /// Images of a file.
-struct Images<'i> {
+struct CocoImages<'i> {
     /// Frame of each image by image id; `None` for an image without a usable frame.
     frame_of_id: BTreeMap<&'i Id, Option<usize>>,
     /// Names of images that match no frame.
     unmatched: Vec<&'i str>,
 }
 
-impl Images<'_> {
+impl CocoImages<'_> {
     fn frames(&self) -> BTreeSet<usize> {
         self.frame_of_id.values().copied().flatten().collect()
     }
@@ -247,10 +250,10 @@ impl Images<'_> {
 
 fn images_by_frame<'i>(
     path: &Path,
-    images: &'i [Entry<ImageEntry>],
+    images: &'i [ListEntry<ImageEntry>],
     frames: &[MaskFrame<'_>],
     skipped: &mut Skipped,
-) -> Result<Images<'i>, MaskError> {
+) -> Result<CocoImages<'i>, MaskError> {
     let index = NameIndex::new(frames.iter().map(|frame| frame.name));
     let images = readable(
         images,
@@ -273,7 +276,7 @@ fn images_by_frame<'i>(
         .into_iter()
         .map(|(frame, file)| (file.path.as_path(), frame))
         .collect();
-    let mut found = Images {
+    let mut found = CocoImages {
         frame_of_id: BTreeMap::new(),
         unmatched: Vec::new(),
     };
@@ -370,7 +373,7 @@ fn annotations(frame: usize, mask: &RunMask) -> Vec<Annotation> {
             category_id: i64::from(id.0).into(),
             segmentation: Some(Segmentation::Runs {
                 size: [mask.height, mask.width],
-                counts: Counts::Packed(rle::packed(&counts)),
+                counts: RleCounts::Packed(rle::packed(&counts)),
             }),
             area: extent.area as f64,
             bbox: vec![left, top, right - left + 1.0, bottom - top + 1.0],
@@ -416,7 +419,7 @@ mod tests {
             [{"id": 1, "image_id": 1, "category_id": 1, "segmentation": [[0, 0, 2, 0, 2, 2]]}]}"#;
         let dataset = coco_json::parse(text).unwrap();
         let annotation = dataset.annotations[0].read().unwrap();
-        let drawn = [Drawn {
+        let drawn = [OutlinedAnnotation {
             annotation,
             outline: outline_of(annotation).unwrap(),
         }];

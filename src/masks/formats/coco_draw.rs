@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use glam::DVec2;
 
-use super::coco_json::{Annotation, Counts, Id, Segmentation};
+use super::coco_json::{Annotation, Id, RleCounts, Segmentation};
 use super::files::Skipped;
 use super::frame_matching::MaskFrame;
 use super::layers::stacked;
@@ -21,13 +21,13 @@ use ostra_core::job::Progress;
 pub(super) const MAX_COORDINATE: f64 = 1e6;
 
 /// An annotation with an outline.
-pub(super) struct Drawn<'a> {
+pub(super) struct OutlinedAnnotation<'a> {
     pub annotation: &'a Annotation,
     pub(super) outline: &'a Segmentation,
 }
 
 /// Result of drawing a frame's annotations.
-pub(super) struct FrameMask {
+pub(super) struct AnnotationMask {
     pub mask: RunMask,
     /// Number of pixels that two labels claimed.
     pub contested: usize,
@@ -36,14 +36,14 @@ pub(super) struct FrameMask {
 
 pub(super) fn frame_mask(
     frame: &MaskFrame<'_>,
-    drawn: &[Drawn<'_>],
+    drawn: &[OutlinedAnnotation<'_>],
     labels: &BTreeMap<&Id, LabelId>,
     tree: &LabelTree,
     progress: &Progress,
-) -> Result<FrameMask, MaskError> {
+) -> Result<AnnotationMask, MaskError> {
     let mut skipped = Skipped::default();
     let mut layers = Vec::new();
-    for Drawn {
+    for OutlinedAnnotation {
         annotation,
         outline,
     } in drawn
@@ -72,7 +72,7 @@ pub(super) fn frame_mask(
         });
         Ok(())
     })?;
-    Ok(FrameMask {
+    Ok(AnnotationMask {
         mask: stacked.mask,
         contested: stacked.contested,
         skipped: skipped.into_inner(),
@@ -122,8 +122,8 @@ pub(super) fn draw(
                     "its region is {}×{} pixels, the image is {width}×{height}",
                     its[1], its[0]
                 )),
-                Counts::Plain(counts) => rle::spans(counts, width, height, &mut emit),
-                Counts::Packed(text) => rle::unpacked(text)
+                RleCounts::Plain(counts) => rle::spans(counts, width, height, &mut emit),
+                RleCounts::Packed(text) => rle::unpacked(text)
                     .and_then(|counts| rle::spans(&counts, width, height, &mut emit)),
             };
             match spans {

@@ -11,23 +11,23 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 /// A COCO file.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Dataset {
-    pub images: Vec<Entry<ImageEntry>>,
+    pub images: Vec<ListEntry<ImageEntry>>,
     #[serde(default)]
-    pub annotations: Vec<Entry<Annotation>>,
+    pub annotations: Vec<ListEntry<Annotation>>,
     #[serde(default)]
-    pub categories: Vec<Entry<Category>>,
+    pub categories: Vec<ListEntry<Category>>,
 }
 
 /// An entry of a list, which may lack required fields.
 #[derive(Serialize, Deserialize)]
 #[serde(untagged)]
-pub(super) enum Entry<T> {
+pub(super) enum ListEntry<T> {
     Read(T),
     #[serde(skip_serializing)]
     Unreadable(IgnoredAny),
 }
 
-impl<T> Entry<T> {
+impl<T> ListEntry<T> {
     /// Returns the entry if it could be read.
     pub(super) fn read(&self) -> Option<&T> {
         match self {
@@ -152,17 +152,17 @@ pub(super) struct Category {
 
 #[derive(Deserialize)]
 #[serde(untagged)]
-enum Color {
+enum CocoColor {
     Channels([u8; 3]),
     Text(String),
     Other(IgnoredAny),
 }
 
 fn optional_color<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[u8; 3]>, D::Error> {
-    Ok(match Color::deserialize(deserializer)? {
-        Color::Channels(channels) => Some(channels),
-        Color::Text(text) => super::labels_json::parse_color(&text),
-        Color::Other(_) => None,
+    Ok(match CocoColor::deserialize(deserializer)? {
+        CocoColor::Channels(channels) => Some(channels),
+        CocoColor::Text(text) => super::labels_json::parse_color(&text),
+        CocoColor::Other(_) => None,
     })
 }
 
@@ -210,7 +210,7 @@ pub(super) enum Segmentation {
     Runs {
         /// Height and width.
         size: [u32; 2],
-        counts: Counts,
+        counts: RleCounts,
     },
     /// Any other value.
     #[serde(skip_serializing)]
@@ -220,7 +220,7 @@ pub(super) enum Segmentation {
 /// Run lengths, plain or packed.
 #[derive(Serialize, Deserialize)]
 #[serde(untagged)]
-pub(super) enum Counts {
+pub(super) enum RleCounts {
     Plain(Vec<u32>),
     Packed(String),
 }

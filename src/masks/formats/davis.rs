@@ -15,7 +15,7 @@ use super::grey_kinds::{
     meaning_of_white, white_as_one,
 };
 use super::label_import::LabelImport;
-use super::labels_json::{Listed, ids_of_colors, listed_labels, write_labels_json};
+use super::labels_json::{ListedLabels, ids_of_colors, listed_labels, write_labels_json};
 use super::png_decode::Stored;
 use super::png_values::{HowRead, PngValues, encode_png, reconcile_cut_outs};
 use crate::{LabelId, LabelMask, LabelTree, MaskError, RunMask};
@@ -69,7 +69,7 @@ pub fn read_palette_png_of(path: &Path, frame: &MaskFrame<'_>) -> Result<LabelMa
 }
 
 /// Masks as read, before their values are interpreted.
-struct ReadFiles {
+struct DavisFiles {
     /// Masks by frame, without files that cannot be used.
     masks: Vec<(usize, RunMask)>,
     /// All values that occur in the masks.
@@ -127,9 +127,9 @@ pub(super) fn import(
 fn read_files(
     pairs: &[(usize, &FoundFile)],
     frames: &[MaskFrame<'_>],
-    listed: &Listed,
+    listed: &ListedLabels,
     progress: &Progress,
-) -> Result<ReadFiles, MaskError> {
+) -> Result<DavisFiles, MaskError> {
     let colors = listed.tree.as_ref().map(ids_of_colors);
     let read_file = |&(frame, file): &(usize, &FoundFile)| {
         let values = PngValues::read(&file.path, Some(&frames[frame]))?;
@@ -163,7 +163,7 @@ fn read_files(
         .map(|(frame, _, mask, _)| (frame, mask))
         .collect();
     let ids = ids_in(masks.iter().map(|(_, mask)| mask));
-    Ok(ReadFiles {
+    Ok(DavisFiles {
         masks,
         ids,
         skipped,
@@ -173,7 +173,7 @@ fn read_files(
 /// Labels that ids may refer to.
 struct KnownLabels<'a> {
     /// Labels of the folder.
-    listed: &'a Listed,
+    listed: &'a ListedLabels,
     /// Labels of the project.
     tree: &'a LabelTree,
 }

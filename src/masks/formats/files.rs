@@ -135,10 +135,10 @@ fn stem_below(dir: &Path, path: &Path) -> String {
 
 /// Faults that an import skipped or corrected, with the count and first place per kind.
 #[derive(Debug, Default)]
-pub(crate) struct Skipped(BTreeMap<&'static str, Kind>);
+pub(crate) struct Skipped(BTreeMap<&'static str, Occurrences>);
 
 #[derive(Debug)]
-struct Kind {
+struct Occurrences {
     count: usize,
     first: String,
 }
@@ -151,7 +151,7 @@ impl Skipped {
     pub(crate) fn add(&mut self, kind: &'static str, place: impl Into<String>) {
         self.0
             .entry(kind)
-            .or_insert_with(|| Kind {
+            .or_insert_with(|| Occurrences {
                 count: 0,
                 first: place.into(),
             })
@@ -164,7 +164,7 @@ impl Skipped {
             let count = found.count;
             self.0
                 .entry(kind)
-                .or_insert(Kind { count: 0, ..found })
+                .or_insert(Occurrences { count: 0, ..found })
                 .count += count;
         }
     }
@@ -183,7 +183,7 @@ impl Skipped {
     pub(crate) fn warnings(&self) -> impl Iterator<Item = String> {
         self.0
             .iter()
-            .map(|(kind, Kind { count, first })| match count {
+            .map(|(kind, Occurrences { count, first })| match count {
                 1 => format!("{count} {kind} ({first})"),
                 _ => format!("{count} {kind} (first: {first})"),
             })

@@ -59,7 +59,7 @@ pub(crate) struct NameIndex {
 
 /// Assignment of files to frames.
 #[derive(Debug)]
-pub(crate) struct Matched<'f> {
+pub(crate) struct MatchedFiles<'f> {
     /// Pairs of frame number and file, ordered by frame.
     pub pairs: Vec<(usize, &'f FoundFile)>,
     /// Files that match no frame.
@@ -119,7 +119,7 @@ impl NameIndex {
         &self,
         dir: &Path,
         files: &'f [FoundFile],
-    ) -> Result<Matched<'f>, MaskError> {
+    ) -> Result<MatchedFiles<'f>, MaskError> {
         let mut best: BTreeMap<usize, (usize, &FoundFile)> = BTreeMap::new();
         let mut unmatched = Vec::new();
         for file in files {
@@ -143,7 +143,7 @@ impl NameIndex {
                 None => {}
             }
         }
-        Ok(Matched {
+        Ok(MatchedFiles {
             pairs: best
                 .into_iter()
                 .map(|(frame, (_, file))| (frame, file))

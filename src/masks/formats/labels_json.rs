@@ -22,12 +22,12 @@ struct LabelEntry {
     #[serde(default)]
     parent: Option<LabelId>,
     #[serde(default)]
-    color: Option<Color>,
+    color: Option<LabelColor>,
 }
 
 #[derive(Serialize, Deserialize)]
 #[serde(untagged)]
-enum Color {
+enum LabelColor {
     /// `#rrggbb`.
     Text(String),
     /// Red, green, blue.
@@ -44,7 +44,7 @@ enum Color {
 pub fn write_labels_json(dir: &Path, tree: &LabelTree) -> Result<(), MaskError> {
     let entry = |label: &Label| {
         let [red, green, blue] = label.color;
-        let color = Some(Color::Text(format!("#{red:02x}{green:02x}{blue:02x}")));
+        let color = Some(LabelColor::Text(format!("#{red:02x}{green:02x}{blue:02x}")));
         serde_json::to_string(&LabelEntry {
             id: label.id,
             name: label.name.clone(),
@@ -80,7 +80,7 @@ pub fn read_labels_json(dir: &Path) -> Result<Option<LabelTree>, MaskError> {
 
 /// Labels listed for a folder of masks.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub(crate) struct Listed {
+pub(crate) struct ListedLabels {
     /// The listed labels; `None` without a list.
     pub tree: Option<LabelTree>,
     /// Which file was ignored and why, for the user.
@@ -91,7 +91,7 @@ pub(crate) struct Listed {
 ///
 /// Other programs write files of the same name, so a file that is not a list of labels is ignored.
 /// A damaged list in the folder above is ignored too, because the user did not select that folder.
-pub(crate) fn listed_labels(dir: &Path) -> Result<Listed, MaskError> {
+pub(crate) fn listed_labels(dir: &Path) -> Result<ListedLabels, MaskError> {
     let above = dir
         .canonicalize()
         .ok()
@@ -101,7 +101,7 @@ pub(crate) fn listed_labels(dir: &Path) -> Result<Listed, MaskError> {
         .flatten()
         .map(|folder| folder.join(LABELS_FILE));
     let Some(file) = files.find(|file| file.is_file()) else {
-        return Ok(Listed::default());
+        return Ok(ListedLabels::default());
     };
     let is_given = file.parent() == Some(dir);
     if std::fs::metadata(&file).is_ok_and(|data| data.len() > MAX_BYTES) {
@@ -118,7 +118,7 @@ pub(crate) fn listed_labels(dir: &Path) -> Result<Listed, MaskError> {
         }
     };
     match read_tree(&file, &text) {
-        Ok(tree) => Ok(Listed {
+        Ok(tree) => Ok(ListedLabels {
             tree: Some(tree),
             warning: None,
         }),
@@ -134,8 +134,8 @@ pub(crate) fn listed_labels(dir: &Path) -> Result<Listed, MaskError> {
     }
 }
 
-fn unused(file: &Path, why: &str) -> Listed {
-    Listed {
+fn unused(file: &Path, why: &str) -> ListedLabels {
+    ListedLabels {
         tree: None,
         warning: Some(format!("{} was not used: {why}", file.display())),
     }
@@ -180,8 +180,8 @@ fn read_tree(path: &Path, text: &str) -> Result<LabelTree, MaskError> {
     let label = |entry: LabelEntry| {
         let color = match &entry.color {
             None => LabelTree::color_for(entry.id),
-            Some(Color::Channels(channels)) => *channels,
-            Some(Color::Text(text)) => parse_color(text)
+            Some(LabelColor::Channels(channels)) => *channels,
+            Some(LabelColor::Text(text)) => parse_color(text)
                 .ok_or_else(|| broken(&format!("colour '{text}' is not #rrggbb")))?,
         };
         Ok(Label {

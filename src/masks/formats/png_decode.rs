@@ -23,11 +23,11 @@ pub(super) fn size_fault(width: u32, height: u32, frame: &MaskFrame<'_>) -> Stri
     )
 }
 
-pub(super) enum Pixels {
+pub(super) enum PngPixels {
     /// Grey values of 1 to 16 bits.
     Greys(Vec<u16>),
     /// Values with a palette.
-    Places {
+    Indices {
         ids: Vec<u16>,
         /// Common colour of all palette entries that are not fully transparent, if any.
         color: Option<[u16; 3]>,
@@ -208,7 +208,7 @@ impl Packed {
     /// black is not first, the greys are therefore the values. They become 0 and 1 when there are
     /// only black and white. The whole palette decides, because a frame without the object uses
     /// only part of it.
-    pub fn by_palette(&self) -> Pixels {
+    pub fn by_palette(&self) -> PngPixels {
         let places = self.samples();
         let color = self.visible_color();
         let greys = self.greys().unwrap_or_default();
@@ -218,7 +218,7 @@ impl Packed {
         if !is_reordered {
             let has_other_greys =
                 !self.is_bilevel() && (0..).zip(&greys).any(|(place, &grey)| place != grey);
-            return Pixels::Places {
+            return PngPixels::Indices {
                 ids: places,
                 color,
                 has_other_greys,
@@ -230,7 +230,7 @@ impl Packed {
             Some(&grey) => grey,
             None => place,
         };
-        Pixels::Places {
+        PngPixels::Indices {
             ids: places.into_iter().map(value).collect(),
             color,
             has_other_greys: false,

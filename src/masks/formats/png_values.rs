@@ -6,7 +6,7 @@ use png::{BitDepth, ColorType};
 
 use super::files::{invalid, io_error};
 use super::frame_matching::MaskFrame;
-use super::png_decode::{Pixels, Stored, decode};
+use super::png_decode::{PngPixels, Stored, decode};
 use crate::{LabelId, LabelMask, MaskError, RunMask};
 use ostra_core::disk;
 
@@ -19,7 +19,7 @@ const MAX_LABELS_IN_COLOR: usize = 96;
 pub(crate) struct PngValues {
     width: u32,
     height: u32,
-    pixels: Pixels,
+    pixels: PngPixels,
     /// Alpha of each pixel, from a channel, a transparent colour or palette entries.
     alpha: Option<Vec<u16>>,
     /// Value of white.
@@ -119,15 +119,15 @@ impl PngValues {
         let packed = decode(path, BufReader::new(file), expected)?;
         let pixels = match packed.color {
             ColorType::Indexed => packed.by_palette(),
-            ColorType::Grayscale => Pixels::Greys(packed.samples()),
-            ColorType::GrayscaleAlpha => Pixels::Greys(
+            ColorType::Grayscale => PngPixels::Greys(packed.samples()),
+            ColorType::GrayscaleAlpha => PngPixels::Greys(
                 packed
                     .samples()
                     .chunks_exact(2)
                     .map(|pixel| pixel[0])
                     .collect(),
             ),
-            ColorType::Rgb | ColorType::Rgba => Pixels::Colors(packed.colors()),
+            ColorType::Rgb | ColorType::Rgba => PngPixels::Colors(packed.colors()),
         };
         let white = if packed.depth == BitDepth::Sixteen {
             u16::MAX
@@ -190,8 +190,8 @@ impl PngValues {
         let visible = |at: usize| opaque.as_ref().is_none_or(|opaque| opaque[at]);
         let mut other_greys = false;
         let mut ids: Vec<LabelId> = match self.pixels {
-            Pixels::Greys(values) => values.into_iter().map(LabelId).collect(),
-            Pixels::Places {
+            PngPixels::Greys(values) => values.into_iter().map(LabelId).collect(),
+            PngPixels::Indices {
                 ids,
                 has_other_greys,
                 ..
@@ -199,7 +199,7 @@ impl PngValues {
                 other_greys = has_other_greys && ids_of_colors.is_none();
                 ids.into_iter().map(LabelId).collect()
             }
-            Pixels::Colors(colors) => ids_of_pixels(&colors, self.white, ids_of_colors, visible)
+            PngPixels::Colors(colors) => ids_of_pixels(&colors, self.white, ids_of_colors, visible)
                 .map_err(|what| invalid(path, what))?,
         };
         let mut alpha = AlphaUse::Ignored;
@@ -231,8 +231,8 @@ impl PngValues {
     /// Returns the colour of a pixel, or its value three times.
     fn color(&self, at: usize) -> [u16; 3] {
         match &self.pixels {
-            Pixels::Greys(ids) | Pixels::Places { ids, .. } => [ids[at]; 3],
-            Pixels::Colors(colors) => colors[at],
+            PngPixels::Greys(ids) | PngPixels::Indices { ids, .. } => [ids[at]; 3],
+            PngPixels::Colors(colors) => colors[at],
         }
     }
 
@@ -248,7 +248,7 @@ impl PngValues {
             .map(|(at, _)| self.color(at));
         let first = visible.next()?;
         let (color, white) = match &self.pixels {
-            Pixels::Places { color, .. } => (*color, 255),
+            PngPixels::Indices { color, .. } => (*color, 255),
             _ => (
                 visible.clone().all(|color| color == first).then_some(first),
                 self.white,
@@ -260,7 +260,7 @@ impl PngValues {
             _ => {}
         }
         let mut different = BTreeSet::new();
-        let is_image = !matches!(self.pixels, Pixels::Places { .. })
+        let is_image = !matches!(self.pixels, PngPixels::Indices { .. })
             && visible
                 .any(|color| different.insert(color) && different.len() > MAX_LABELS_IN_COLOR);
         is_image.then_some(AlphaUse::CutOut)

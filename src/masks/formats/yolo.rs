@@ -24,7 +24,7 @@ use ostra_core::job::Progress;
 const MAX_SHARE: f64 = 1.5;
 
 /// A line of a file: an outline in shares of width and height.
-struct Line {
+struct YoloLine {
     class: usize,
     ring: Vec<DVec2>,
 }
@@ -32,7 +32,7 @@ struct Line {
 /// Contents of a label file.
 #[derive(Default)]
 struct FileLines {
-    lines: Vec<Line>,
+    lines: Vec<YoloLine>,
     /// Number of lines that hold only a box.
     boxes: usize,
     skipped: Skipped,
@@ -60,7 +60,7 @@ pub(super) fn import(
     if matched.pairs.is_empty() {
         return Err(nothing_fits(dir, &first.stem, frames));
     }
-    let ReadFiles {
+    let YoloFiles {
         files: files_lines,
         mut skipped,
     } = read_files(&matched.pairs, progress)?;
@@ -78,7 +78,7 @@ pub(super) fn import(
         label_import,
         mut warnings,
     } = imported(dir, &folders, classes, tree)?;
-    let jobs: Vec<(usize, &Vec<Line>)> = files_lines
+    let jobs: Vec<(usize, &Vec<YoloLine>)> = files_lines
         .iter()
         .map(|(frame, file)| (*frame, &file.lines))
         .collect();
@@ -238,7 +238,7 @@ fn imported(
 }
 
 /// Lines of the files as read.
-struct ReadFiles {
+struct YoloFiles {
     /// Lines by frame, without files that cannot be used.
     files: Vec<(usize, FileLines)>,
     skipped: Skipped,
@@ -248,7 +248,7 @@ struct ReadFiles {
 ///
 /// # Errors
 /// The first file's error when no file can be used.
-fn read_files(pairs: &[(usize, &FoundFile)], progress: &Progress) -> Result<ReadFiles, MaskError> {
+fn read_files(pairs: &[(usize, &FoundFile)], progress: &Progress) -> Result<YoloFiles, MaskError> {
     let results = in_parallel(pairs, progress, |&(_, file)| {
         unless_stopped(read_lines(file))
     })?;
@@ -264,7 +264,7 @@ fn read_files(pairs: &[(usize, &FoundFile)], progress: &Progress) -> Result<Read
     }
     match first_error.filter(|_| files.is_empty()) {
         Some(error) => Err(error),
-        None => Ok(ReadFiles { files, skipped }),
+        None => Ok(YoloFiles { files, skipped }),
     }
 }
 
@@ -317,7 +317,7 @@ fn read_lines(file: &FoundFile) -> Result<FileLines, MaskError> {
                     .chunks_exact(2)
                     .map(|corner| DVec2::new(corner[0], corner[1]))
                     .collect();
-                read.lines.push(Line { class, ring });
+                read.lines.push(YoloLine { class, ring });
             }
         }
     }
@@ -339,7 +339,7 @@ fn class_number(word: &str) -> Option<usize> {
 
 fn frame_mask(
     frame: &MaskFrame<'_>,
-    lines: &[Line],
+    lines: &[YoloLine],
     labels: &BTreeMap<usize, LabelId>,
     tree: &LabelTree,
 ) -> Result<Stacked, MaskError> {
@@ -348,7 +348,7 @@ fn frame_mask(
         .iter()
         .map(|line| (labels.get(&line.class).copied().unwrap_or_default(), line))
         .collect();
-    stacked(frame, layers, tree, |line: &&Line, emit| {
+    stacked(frame, layers, tree, |line: &&YoloLine, emit| {
         let ring = line.ring.iter().map(|&corner| corner * size).collect();
         polygon_spans(frame.width, frame.height, &[ring], emit)
     })

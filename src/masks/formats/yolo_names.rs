@@ -37,7 +37,7 @@ pub(super) fn is_names_file(path: &Path) -> bool {
 }
 
 /// A folder that may hold class names.
-struct Place {
+struct NameFolder {
     folder: PathBuf,
     /// Whether the user gave the folder, or label files lie in it.
     is_given: bool,
@@ -52,7 +52,7 @@ struct Place {
 /// The search starts in `dir`, its folder `labels` and the folders of the files. It continues in
 /// the folders above, up to the one that contains `labels` and its parent.
 pub(super) fn find_names(dir: &Path, folders: &BTreeSet<&Path>) -> Result<ClassNames, MaskError> {
-    let given = |folder: PathBuf| Place {
+    let given = |folder: PathBuf| NameFolder {
         folder,
         is_given: true,
         takes_any_yaml: true,
@@ -70,7 +70,7 @@ pub(super) fn find_names(dir: &Path, folders: &BTreeSet<&Path>) -> Result<ClassN
             .skip(1)
             .take(inside + 1)
             .enumerate()
-            .map(|(at, folder)| Place {
+            .map(|(at, folder)| NameFolder {
                 folder: folder.to_path_buf(),
                 is_given: false,
                 takes_any_yaml: at < inside,
@@ -97,7 +97,7 @@ pub(super) fn find_names(dir: &Path, folders: &BTreeSet<&Path>) -> Result<ClassN
 
 /// Returns the names in a folder, from a file with a usual name or else from other YAML files.
 fn names_in(
-    place: &Place,
+    place: &NameFolder,
     warnings: &mut Vec<String>,
 ) -> Result<Option<(Vec<String>, PathBuf)>, MaskError> {
     for (file, parse) in [
@@ -218,13 +218,13 @@ fn yaml_names(text: &str) -> Option<Vec<String>> {
 /// The part of a data file that is read.
 #[derive(Deserialize)]
 struct DataFile {
-    names: Option<Names>,
+    names: Option<NameList>,
 }
 
 /// Class names in the order of their numbers; at least one.
-struct Names(Vec<String>);
+struct NameList(Vec<String>);
 
-impl<'de> Deserialize<'de> for Names {
+impl<'de> Deserialize<'de> for NameList {
     fn deserialize<D: Deserializer<'de>>(file: D) -> Result<Self, D::Error> {
         file.deserialize_any(NamesVisitor)
     }
@@ -233,13 +233,13 @@ impl<'de> Deserialize<'de> for Names {
 struct NamesVisitor;
 
 impl<'de> Visitor<'de> for NamesVisitor {
-    type Value = Names;
+    type Value = NameList;
 
     fn expecting(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         out.write_str("a list of names, or a map from numbers to names")
     }
 
-    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Names, A::Error> {
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<NameList, A::Error> {
         let mut names = Vec::new();
         while let Some(name) = list.next_element::<Option<String>>()? {
             names.push(name.unwrap_or_default());
@@ -247,7 +247,7 @@ impl<'de> Visitor<'de> for NamesVisitor {
         checked(names)
     }
 
-    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Names, A::Error> {
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<NameList, A::Error> {
         let mut names = Vec::new();
         while let Some((class, name)) = map.next_entry::<u16, Option<String>>()? {
             let class = usize::from(class);
@@ -258,11 +258,11 @@ impl<'de> Visitor<'de> for NamesVisitor {
     }
 }
 
-fn checked<E: de::Error>(names: Vec<String>) -> Result<Names, E> {
+fn checked<E: de::Error>(names: Vec<String>) -> Result<NameList, E> {
     match names.len() {
         0 => Err(E::custom("there are no names")),
         count if count > usize::from(u16::MAX) + 1 => Err(E::custom("there are too many names")),
-        _ => Ok(Names(names)),
+        _ => Ok(NameList(names)),
     }
 }
 

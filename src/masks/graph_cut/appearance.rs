@@ -9,7 +9,7 @@ const ENTRIES: usize = 64;
 /// Distance at which two palette entries count as the same appearance, ΔE.
 const BANDWIDTH: f32 = 7.0;
 
-type Feature = [f32; 4];
+type ColorFeature = [f32; 4];
 
 /// Palette of the appearances in a frame, with the entry of each region and similarities.
 pub(super) struct Palette {
@@ -22,7 +22,7 @@ pub(super) struct Palette {
 impl Palette {
     /// Clusters the regions by k-means on (L, a, b, texture), weighted by area.
     pub fn new(regions: &[RegionStats]) -> Self {
-        let features: Vec<(Feature, f32)> = regions
+        let features: Vec<(ColorFeature, f32)> = regions
             .iter()
             .map(|region| (feature(region), region.area))
             .collect();
@@ -65,7 +65,7 @@ impl Palette {
     ///
     /// It holds how often each entry, or a similar one, occurs. Its values sum to 1 unless all
     /// weights are 0.
-    pub fn model(&self, weighted: impl Iterator<Item = (usize, f32)>) -> Model {
+    pub fn model(&self, weighted: impl Iterator<Item = (usize, f32)>) -> PaletteHistogram {
         let mut counts = [0.0f32; ENTRIES];
         let mut total = 0.0;
         for (region, weight) in weighted {
@@ -79,7 +79,7 @@ impl Palette {
                 .zip(alike)
                 .for_each(|(share, alike)| *share += count * alike);
         }
-        Model {
+        PaletteHistogram {
             share: share.map(|share| share / total.max(f32::MIN_POSITIVE)),
         }
     }
@@ -87,27 +87,27 @@ impl Palette {
 
 /// A smoothed histogram over a [`Palette`].
 #[derive(Debug, Clone)]
-pub(super) struct Model {
+pub(super) struct PaletteHistogram {
     share: [f32; ENTRIES],
 }
 
-impl Model {
+impl PaletteHistogram {
     /// Returns the share of entry `entry` in the modelled regions.
     pub fn share(&self, entry: u8) -> f32 {
         self.share[usize::from(entry)]
     }
 }
 
-fn feature(region: &RegionStats) -> Feature {
+fn feature(region: &RegionStats) -> ColorFeature {
     let [l, a, b] = region.lab;
     [0.7 * l, a, b, 0.8 * region.texture]
 }
 
-fn squared(a: &Feature, b: &Feature) -> f32 {
+fn squared(a: &ColorFeature, b: &ColorFeature) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
 }
 
-fn nearest(entries: &[Feature], feature: &Feature) -> u8 {
+fn nearest(entries: &[ColorFeature], feature: &ColorFeature) -> u8 {
     let mut best = (0, f32::INFINITY);
     for (at, entry) in entries.iter().enumerate() {
         let distance = squared(entry, feature);
@@ -122,7 +122,7 @@ fn nearest(entries: &[Feature], feature: &Feature) -> u8 {
 ///
 /// It starts with the first region and repeatedly adds the one with the largest area-weighted
 /// distance to all earlier entries.
-fn spread_out(features: &[(Feature, f32)]) -> Vec<Feature> {
+fn spread_out(features: &[(ColorFeature, f32)]) -> Vec<ColorFeature> {
     let mut entries = vec![features[0].0];
     let mut apart: Vec<f32> = vec![f32::INFINITY; features.len()];
     while entries.len() < ENTRIES {
@@ -140,7 +140,7 @@ fn spread_out(features: &[(Feature, f32)]) -> Vec<Feature> {
     entries
 }
 
-fn likeness(entries: &[Feature]) -> Vec<f32> {
+fn likeness(entries: &[ColorFeature]) -> Vec<f32> {
     let mut alike = Vec::with_capacity(ENTRIES * ENTRIES);
     for a in entries {
         let row: Vec<f32> = entries

@@ -4,7 +4,7 @@
 //! Kolmogorov and Blake, "GrabCut: interactive foreground extraction using iterated graph cuts",
 //! SIGGRAPH 2004).
 
-use super::appearance::{Model, Palette};
+use super::appearance::{Palette, PaletteHistogram};
 use super::graph::{RegionGraph, Role, cheapest_change, distances};
 use crate::PxBox;
 
@@ -33,12 +33,12 @@ impl Default for BoxOptions {
 }
 
 /// A box in region coordinates.
-struct Frame {
+struct RegionBox {
     middle: [f32; 2],
     half: [f32; 2],
 }
 
-impl Frame {
+impl RegionBox {
     /// Returns how far out a point is: 0 in the middle, 1 on the border, above 1 outside.
     fn outness(&self, at: [f32; 2]) -> f32 {
         let along = |axis: usize| (at[axis] - self.middle[axis]).abs() / self.half[axis].max(0.5);
@@ -59,14 +59,14 @@ pub(super) fn object_in_box(
 ) -> Vec<bool> {
     let (min, max) = (within.min_px.as_vec2(), within.max_px.as_vec2());
     let (middle, half) = ((min + max) / 2.0, (max - min) / 2.0);
-    let frame = Frame {
+    let region_box = RegionBox {
         middle: middle.to_array(),
         half: half.to_array(),
     };
     let outness: Vec<f32> = graph
         .regions
         .iter()
-        .map(|region| frame.outness(region.at))
+        .map(|region| region_box.outness(region.at))
         .collect();
     let role = |at: usize| {
         if outness[at] >= 1.0 || closed[at] {
@@ -84,7 +84,7 @@ pub(super) fn object_in_box(
         .collect();
     let mut inside = vec![false; roles.len()];
     for _ in 0..options.rounds {
-        let weighted = |share: &dyn Fn(usize) -> f32| -> Model {
+        let weighted = |share: &dyn Fn(usize) -> f32| -> PaletteHistogram {
             let near = (0..roles.len()).filter(|&at| outness[at] < 1.0 + options.margin);
             palette.model(near.map(|at| (at, graph.regions[at].area * share(at))))
         };

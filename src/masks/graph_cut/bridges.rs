@@ -45,7 +45,7 @@ pub(super) fn bridges(
     let adjacent_to_jump = adjacent_to_jump(regions, edges, options.jump);
     let touching: std::collections::BTreeSet<(u32, u32)> =
         edges.iter().map(|edge| (edge.a, edge.b)).collect();
-    let cells = Cells::new(regions, &adjacent_to_jump, width, 4.0 * options.gap_px);
+    let cells = RegionCells::new(regions, &adjacent_to_jump, width, 4.0 * options.gap_px);
     let mut found = std::collections::BTreeMap::new();
     for a in (0..regions.len()).filter(|&at| adjacent_to_jump[at]) {
         let mut near: Vec<(f32, u32)> = cells
@@ -76,7 +76,7 @@ pub(super) fn hops(
     options: &HopOptions,
 ) -> Vec<Vec<u32>> {
     let adjacent_to_jump = adjacent_to_jump(regions, edges, options.jump);
-    let cells = Cells::new(regions, &adjacent_to_jump, width, options.gap_px);
+    let cells = RegionCells::new(regions, &adjacent_to_jump, width, options.gap_px);
     let to = |a: usize| -> Vec<u32> {
         if !adjacent_to_jump[a] {
             return Vec::new();
@@ -147,14 +147,14 @@ fn gap(a: &RegionStats, b: &RegionStats) -> f32 {
 }
 
 /// Regions sorted into square cells.
-struct Cells {
+struct RegionCells {
     side: f32,
     columns: usize,
     rows: usize,
     members: Vec<Vec<u32>>,
 }
 
-impl Cells {
+impl RegionCells {
     fn new(regions: &[RegionStats], chosen: &[bool], width: usize, side: f32) -> Self {
         let bottom = regions
             .iter()

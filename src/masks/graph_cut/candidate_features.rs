@@ -8,9 +8,9 @@ use super::region_stats::Edge;
 pub(super) const FEATURES: usize = 26;
 
 /// Features of a candidate, in the order given at [`features_of`].
-pub(super) type Features = [f32; FEATURES];
+pub(super) type CandidateFeatures = [f32; FEATURES];
 
-/// Index in [`Features`] of the agreement with the other candidates.
+/// Index in [`CandidateFeatures`] of the agreement with the other candidates.
 ///
 /// It is set once all candidates are known.
 const AGREEMENT: usize = 11;
@@ -19,7 +19,7 @@ const AGREEMENT: usize = 11;
 pub(super) struct Candidate {
     /// Whether each region changes.
     pub change: Vec<bool>,
-    pub features: Features,
+    pub features: CandidateFeatures,
 }
 
 /// Sums along the border of a change.
@@ -78,7 +78,7 @@ pub(super) fn features_of(
     odds: &[f32],
     geodesic: &[f32],
     limit: f32,
-) -> Features {
+) -> CandidateFeatures {
     let graph = context.graph;
     let sums = border_sums(context, change, odds, geodesic);
     let changed = || (0..change.len()).filter(|&at| change[at]);

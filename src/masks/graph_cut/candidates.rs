@@ -13,7 +13,7 @@
 
 use rayon::prelude::*;
 
-use super::appearance::Model;
+use super::appearance::PaletteHistogram;
 use super::candidate_features::{Candidate, agreement, features_of};
 use super::click_context::ClickContext;
 use super::graph::{Role, cheapest_change};
@@ -238,7 +238,7 @@ fn odds(context: &ClickContext<'_>, closeness: &[f32]) -> Vec<f32> {
         ..
     } = context;
     let is_joined = |at: &usize| roles[*at] == Role::Joined;
-    let weighted = |joined: bool, weight: &dyn Fn(usize) -> f32| -> Model {
+    let weighted = |joined: bool, weight: &dyn Fn(usize) -> f32| -> PaletteHistogram {
         let chosen = (0..roles.len()).filter(|at| is_joined(at) == joined);
         palette.model(chosen.map(|at| (at, graph.regions[at].area * weight(at))))
     };

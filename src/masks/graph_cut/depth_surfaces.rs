@@ -78,14 +78,14 @@ fn strength_at(inverse: &[f32], at: usize, stride: usize) -> f32 {
 const APART: f32 = 0.03;
 
 /// Surfaces of a frame with depth.
-pub(super) struct Surfaces {
+pub(super) struct DepthSurfaces {
     width: usize,
     height: usize,
     /// ln depth; NaN where unknown.
     ln_depth: Vec<f32>,
 }
 
-impl Surfaces {
+impl DepthSurfaces {
     pub fn new(depth: &DepthMap) -> Self {
         let ln = |&depth: &f32| if known(depth) { depth.ln() } else { f32::NAN };
         Self {
@@ -207,7 +207,7 @@ mod tests {
         assert!(edges.right.iter().all(|&strength| strength < 0.05));
     }
 
-    fn stalk_before_a_wall() -> Surfaces {
+    fn stalk_before_a_wall() -> DepthSurfaces {
         let depths = (0..60 * 20)
             .map(|at| {
                 if (28..31).contains(&(at % 60)) {
@@ -217,7 +217,7 @@ mod tests {
                 }
             })
             .collect();
-        Surfaces::new(&DepthMap {
+        DepthSurfaces::new(&DepthMap {
             width: 60,
             height: 20,
             depths,

@@ -3,20 +3,20 @@
 use rayon::prelude::*;
 
 use super::box_filter::box_mean;
-use super::depth_surfaces::{DepthEdges, Surfaces};
+use super::depth_surfaces::{DepthEdges, DepthSurfaces};
 use crate::lab::squared_difference;
 
 /// Strengths between 4-neighbours, 0 (none) to 1 (certain), with the raw colour steps.
 pub(super) struct EdgeMap {
     /// Steps to the right neighbour; 0 in the last column.
-    pub right: Vec<Step>,
+    pub right: Vec<PixelStep>,
     /// Steps to the pixel below; 0 in the last row.
-    pub down: Vec<Step>,
+    pub down: Vec<PixelStep>,
 }
 
 /// A step between two neighbouring pixels.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Step {
+pub(super) struct PixelStep {
     /// Colour difference of the two pixels, ΔE.
     pub fine: f32,
     /// Chance that an object ends here, 0–1.
@@ -34,7 +34,7 @@ pub(super) fn edge_map(
     lab: &[[f32; 3]],
     width: usize,
     height: usize,
-    depth: Option<(&DepthEdges, &Surfaces)>,
+    depth: Option<(&DepthEdges, &DepthSurfaces)>,
 ) -> EdgeMap {
     let surfaces = depth.map(|(_, surfaces)| surfaces);
     let mean = |radius: usize| match surfaces {
@@ -50,7 +50,7 @@ pub(super) fn edge_map(
         height,
     };
     let steps = |dx: usize, dy: usize| {
-        let mut out = vec![Step::default(); lab.len()];
+        let mut out = vec![PixelStep::default(); lab.len()];
         out.par_chunks_exact_mut(width)
             .enumerate()
             .for_each(|(y, out)| {
@@ -65,7 +65,7 @@ pub(super) fn edge_map(
     let (mut right, mut down) = (steps(1, 0), steps(0, 1));
     suppress_surround(&mut right, &mut down, width, height);
     if let Some((depth, _)) = depth {
-        let add = |(step, &depth): (&mut Step, &f32)| {
+        let add = |(step, &depth): (&mut PixelStep, &f32)| {
             step.strength = 1.0 - (1.0 - step.strength) * (1.0 - depth);
         };
         right.par_iter_mut().zip(&depth.right).for_each(add);
@@ -80,20 +80,20 @@ struct Colours<'a> {
     /// Means over windows of 3 pixels; `large` has those over 7.
     small: &'a [[f32; 3]],
     large: &'a [[f32; 3]],
-    surfaces: Option<&'a Surfaces>,
+    surfaces: Option<&'a DepthSurfaces>,
     width: usize,
     height: usize,
 }
 
 impl Colours<'_> {
     /// Returns the step between a pixel and its neighbour, `towards` columns and rows away.
-    fn step_at(&self, pixel: [usize; 2], towards: [usize; 2]) -> Step {
+    fn step_at(&self, pixel: [usize; 2], towards: [usize; 2]) -> PixelStep {
         let step = |plane: &[[f32; 3]], near: isize, far: isize| {
             let near = self.on_surface(pixel, towards, near);
             let far = self.on_surface(pixel, towards, far);
             squared_difference(plane[near], plane[far]).sqrt()
         };
-        Step {
+        PixelStep {
             fine: step(self.lab, 0, 1),
             strength: 0.5 * step(self.small, -1, 2) + 0.5 * step(self.large, -3, 4),
         }
@@ -130,7 +130,7 @@ impl Colours<'_> {
 /// Turns colour steps into strengths 0–1.
 ///
 /// Each step is compared with the mean nearby and in the whole image.
-fn suppress_surround(right: &mut [Step], down: &mut [Step], width: usize, height: usize) {
+fn suppress_surround(right: &mut [PixelStep], down: &mut [PixelStep], width: usize, height: usize) {
     const SURROUND_PX: usize = 16;
     const LEAST_STEP: f32 = 1.5;
     let both: Vec<[f32; 1]> = right
@@ -140,7 +140,7 @@ fn suppress_surround(right: &mut [Step], down: &mut [Step], width: usize, height
         .collect();
     let near = box_mean(&both, width, height, SURROUND_PX);
     let whole = both.iter().map(|[step]| f64::from(*step)).sum::<f64>() / both.len() as f64;
-    let settle = |(step, [near]): (&mut Step, &[f32; 1])| {
+    let settle = |(step, [near]): (&mut PixelStep, &[f32; 1])| {
         let half = LEAST_STEP + 0.5 * whole as f32 + 0.8 * near;
         step.strength = step.strength / (step.strength + half);
     };

@@ -6,12 +6,12 @@
 use std::collections::BinaryHeap;
 
 use super::bridges::{BridgeOptions, HopOptions, bridges, hops};
-use super::depth_surfaces::Surfaces;
+use super::depth_surfaces::DepthSurfaces;
 use super::over_segmentation::Partition;
 use super::region_stats::{Edge, RegionStats, TONE_RADIUS_PX, set_measured, set_tones, stats};
 use crate::frontier::Reached;
 use crate::lab::squared_difference;
-use crate::maxflow::{FlowGraph, Link};
+use crate::maxflow::{FlowGraph, FlowLink};
 use ostra_frames::DepthMap;
 
 /// Regions and their neighbours.
@@ -34,7 +34,7 @@ impl RegionGraph {
     pub fn new(
         partition: &Partition,
         lab: &[[f32; 3]],
-        depth: Option<(&DepthMap, &Surfaces)>,
+        depth: Option<(&DepthMap, &DepthSurfaces)>,
         measured: Option<&DepthMap>,
         width: usize,
     ) -> Self {
@@ -311,7 +311,7 @@ pub(super) fn cheapest_change(
             (u32::MAX, u32::MAX) => {}
             (u32::MAX, node) => rest(&mut terminal[node as usize], roles[a], price, pull),
             (node, u32::MAX) => rest(&mut terminal[node as usize], roles[b], price, pull),
-            (from, to) => links.push(Link {
+            (from, to) => links.push(FlowLink {
                 from,
                 to,
                 forward: price,

@@ -15,7 +15,7 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
-use crate::cut::{Borders, Window};
+use crate::cut::{Borders, PixelWindow};
 use crate::lab::{lab_of_pixel, squared_difference};
 use crate::{Click, Connectivity, Region, components, squared_distance_to};
 use ostra_frames::Image;
@@ -93,7 +93,7 @@ pub(super) fn corrected(
         answer.subtract(taken);
     }
     if answer.inside[at] != click.include && !taken.is_some_and(|taken| taken.inside[at]) {
-        let correction = Correction {
+        let correction = CorrectionClick {
             mask: &answer,
             click,
             earlier,
@@ -108,7 +108,7 @@ pub(super) fn corrected(
 
 /// A click on a mask, with the state it is applied to.
 #[derive(Clone, Copy)]
-struct Correction<'a> {
+struct CorrectionClick<'a> {
     mask: &'a Region,
     click: &'a Click,
     earlier: &'a [Click],
@@ -118,7 +118,7 @@ struct Correction<'a> {
 
 /// The surroundings of a click. All vectors have one entry per pixel of the window, row by row.
 struct Site {
-    window: Window,
+    window: PixelWindow,
     places: Vec<usize>,
     lab: Vec<[f32; 3]>,
     /// Whether the pixel may change.
@@ -136,10 +136,10 @@ struct Site {
 }
 
 /// Returns the window of radius `reach_px` around a position, clipped to the image.
-fn window_around(at_px: DVec2, reach_px: f64, image: &Image) -> Window {
+fn window_around(at_px: DVec2, reach_px: f64, image: &Image) -> PixelWindow {
     let first = |at: f64| (at - reach_px).max(0.0) as usize;
     let end = |at: f64, size: u32| ((at + reach_px) as usize + 1).min(size as usize);
-    Window {
+    PixelWindow {
         left: first(at_px.x),
         top: first(at_px.y),
         right: end(at_px.x, image.width),
@@ -148,8 +148,8 @@ fn window_around(at_px: DVec2, reach_px: f64, image: &Image) -> Window {
 }
 
 impl Site {
-    fn new(image: &Image, unit_px: f32, correction: &Correction<'_>) -> Option<Self> {
-        let Correction {
+    fn new(image: &Image, unit_px: f32, correction: &CorrectionClick<'_>) -> Option<Self> {
+        let CorrectionClick {
             mask,
             click,
             earlier,
@@ -221,7 +221,7 @@ impl Site {
 
     /// Returns the pixels to change: the connected part of the minimum cut that contains the click.
     fn change(&self) -> Vec<usize> {
-        let local = Window {
+        let local = PixelWindow {
             left: 0,
             top: 0,
             right: self.window.width(),

@@ -8,7 +8,7 @@
 
 use rayon::prelude::*;
 
-use super::depth_surfaces::{Surfaces, known};
+use super::depth_surfaces::{DepthSurfaces, known};
 use super::edge_map::EdgeMap;
 use crate::lab::squared_difference;
 use ostra_core::union_find::DisjointSets;
@@ -37,7 +37,7 @@ impl Default for RegionOptions {
 
 /// A border between two regions.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Border {
+pub(super) struct RegionBorder {
     pub a: u32,
     pub b: u32,
     /// Pixel sides along the border.
@@ -61,13 +61,13 @@ struct Node {
 pub(super) struct Partition {
     pub of_pixel: Vec<u32>,
     pub count: usize,
-    pub borders: Vec<Border>,
+    pub borders: Vec<RegionBorder>,
 }
 
 /// Splits an image into regions.
 pub(super) fn partition(
     lab: &[[f32; 3]],
-    depth: Option<(&DepthMap, &Surfaces)>,
+    depth: Option<(&DepthMap, &DepthSurfaces)>,
     edges: &EdgeMap,
     width: usize,
     options: &RegionOptions,
@@ -75,7 +75,7 @@ pub(super) fn partition(
     let fineness = depth.map(|(_, surfaces)| surfaces.fineness());
     let mut of_pixel = specks(edges, depth.map(|(_, surfaces)| surfaces), width);
     let count = compact(&mut of_pixel);
-    let pixels = Pixels {
+    let pixels = PixelInput {
         lab,
         depth: depth.map(|(depth, _)| depth),
         fineness: fineness.as_deref(),
@@ -102,11 +102,11 @@ pub(super) fn partition(
 }
 
 /// Joins similar neighbouring pixels, most similar first, to specks of at most [`SPECK_PX`] pixels.
-fn specks(edges: &EdgeMap, surfaces: Option<&Surfaces>, width: usize) -> Vec<u32> {
+fn specks(edges: &EdgeMap, surfaces: Option<&DepthSurfaces>, width: usize) -> Vec<u32> {
     const SPECK_PX: u8 = 9;
     const LEVELS_PER_DELTA_E: f32 = 6.0;
     let pixels = edges.right.len();
-    let level = |step: &super::edge_map::Step| {
+    let level = |step: &super::edge_map::PixelStep| {
         ((step.fine + 8.0 * step.strength * step.strength) * LEVELS_PER_DELTA_E).min(255.0) as u8
     };
     let levels: Vec<[u8; 2]> = edges
@@ -165,7 +165,7 @@ fn compact(numbers: &mut [u32]) -> usize {
 }
 
 /// Per-pixel input of the over-segmentation.
-struct Pixels<'a> {
+struct PixelInput<'a> {
     lab: &'a [[f32; 3]],
     depth: Option<&'a DepthMap>,
     /// Weight of each pixel.
@@ -173,7 +173,7 @@ struct Pixels<'a> {
     width: usize,
 }
 
-impl Pixels<'_> {
+impl PixelInput<'_> {
     /// Returns the statistics of each of `count` groups of pixels.
     fn nodes(&self, of_pixel: &[u32], count: usize) -> Vec<Node> {
         let mut nodes = vec![Node::default(); count];
@@ -211,8 +211,8 @@ fn joined(a: &Node, b: &Node) -> Node {
 }
 
 /// Returns the borders between the regions in `of_pixel`, one per pair.
-fn borders_of(of_pixel: &[u32], edges: &EdgeMap, width: usize) -> Vec<Border> {
-    let rows: Vec<Vec<Border>> = of_pixel
+fn borders_of(of_pixel: &[u32], edges: &EdgeMap, width: usize) -> Vec<RegionBorder> {
+    let rows: Vec<Vec<RegionBorder>> = of_pixel
         .par_chunks_exact(width)
         .enumerate()
         .map(|(y, row)| {
@@ -222,7 +222,7 @@ fn borders_of(of_pixel: &[u32], edges: &EdgeMap, width: usize) -> Vec<Border> {
                 let mut add = |there: u32, strength: f32| {
                     if here != there {
                         let (a, b) = (here.min(there), here.max(there));
-                        found.push(Border {
+                        found.push(RegionBorder {
                             a,
                             b,
                             length: 1.0,
@@ -247,7 +247,7 @@ fn borders_of(of_pixel: &[u32], edges: &EdgeMap, width: usize) -> Vec<Border> {
 }
 
 /// Sorts borders and joins those between the same two regions.
-fn group(borders: &mut Vec<Border>) {
+fn group(borders: &mut Vec<RegionBorder>) {
     borders.par_sort_by_key(|border| (border.a, border.b));
     borders.dedup_by(|next, kept| {
         let same = (next.a, next.b) == (kept.a, kept.b);
@@ -260,19 +260,19 @@ fn group(borders: &mut Vec<Border>) {
 }
 
 /// Result of merging.
-struct Merged {
+struct MergedRegions {
     /// Region of each node.
     of_node: Vec<u32>,
-    borders: Vec<Border>,
+    borders: Vec<RegionBorder>,
 }
 
 /// Merges nodes until `target` regions are left; returns the region of every node and the borders.
 fn merge(
     mut nodes: Vec<Node>,
-    mut borders: Vec<Border>,
+    mut borders: Vec<RegionBorder>,
     target: usize,
     options: &RegionOptions,
-) -> Merged {
+) -> MergedRegions {
     let mut of_node: Vec<u32> = (0..nodes.len() as u32).collect();
     while nodes.len() > target && !borders.is_empty() {
         let costs: Vec<f32> = borders
@@ -287,7 +287,7 @@ fn merge(
         }
         let mut new: Vec<u32> = (0..nodes.len() as u32).collect();
         for pair in pairs {
-            let Border { a, b, .. } = borders[pair];
+            let RegionBorder { a, b, .. } = borders[pair];
             nodes[a as usize] = joined(&nodes[a as usize], &nodes[b as usize]);
             new[b as usize] = a;
         }
@@ -309,10 +309,10 @@ fn merge(
         borders.retain(|border| border.a != border.b);
         group(&mut borders);
     }
-    Merged { of_node, borders }
+    MergedRegions { of_node, borders }
 }
 
-fn cost(nodes: &[Node], border: &Border, options: &RegionOptions) -> f32 {
+fn cost(nodes: &[Node], border: &RegionBorder, options: &RegionOptions) -> f32 {
     let (a, b) = (&nodes[border.a as usize], &nodes[border.b as usize]);
     let apart = (a.at[0] - b.at[0]).powi(2) + (a.at[1] - b.at[1]).powi(2);
     let both_deep = a.depth_area > 0.0 && b.depth_area > 0.0;
@@ -327,7 +327,7 @@ fn cost(nodes: &[Node], border: &Border, options: &RegionOptions) -> f32 {
 }
 
 /// Returns the borders whose two regions are each other's cheapest partner.
-fn mutual_best(borders: &[Border], costs: &[f32], nodes: usize) -> Vec<usize> {
+fn mutual_best(borders: &[RegionBorder], costs: &[f32], nodes: usize) -> Vec<usize> {
     let mut best = vec![u32::MAX; nodes];
     for (at, border) in borders.iter().enumerate() {
         for node in [border.a, border.b] {

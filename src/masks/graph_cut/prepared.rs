@@ -45,7 +45,7 @@ impl PreparedFrame for Prepared {
                 corrected.unwrap_or_else(|| self.refined(previous, &prompt.clicks, last, taken))
             );
         }
-        let mut boxed = Query::new(self, taken);
+        let mut boxed = RegionQuery::new(self, taken);
         boxed.add_boxes(&prompt.boxes);
         let clicks = 0..prompt.clicks.len();
         Ok(clicks.fold(boxed.answer(), |answer, at| {
@@ -73,7 +73,7 @@ impl Prepared {
         at: usize,
         taken: Option<&Region>,
     ) -> Region {
-        let mut query = Query::new(self, taken);
+        let mut query = RegionQuery::new(self, taken);
         query.start_from(previous);
         clicks[..at]
             .iter()
@@ -131,7 +131,7 @@ impl Prepared {
 }
 
 /// An answer under construction.
-pub(super) struct Query<'a> {
+pub(super) struct RegionQuery<'a> {
     raster: &'a Raster,
     graph: &'a RegionGraph,
     palette: &'a Palette,
@@ -146,7 +146,7 @@ pub(super) struct Query<'a> {
     clicks: Vec<(Click, u32)>,
 }
 
-impl<'a> Query<'a> {
+impl<'a> RegionQuery<'a> {
     pub fn new(frame: &'a Prepared, taken: Option<&'a Region>) -> Self {
         let Prepared {
             raster,

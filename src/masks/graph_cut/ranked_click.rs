@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::candidates::{CandidateOptions, candidates};
-use super::prepared::{Prepared, Query};
-use super::ranking::{Kind, TERMS, kind_of, terms};
+use super::prepared::{Prepared, RegionQuery};
+use super::ranking::{ClickKind, TERMS, kind_of, terms};
 use super::segmenter::prepare;
 use crate::{Click, MaskError, Region};
 use ostra_core::job::Progress;
@@ -30,7 +30,7 @@ pub struct RankedClick<'a> {
 #[derive(Debug, Clone)]
 pub struct ClickCandidates {
     /// Kind of the click.
-    pub kind: Kind,
+    pub kind: ClickKind,
     /// Which regions change, per candidate.
     pub changes: Vec<Vec<bool>>,
     /// Terms of the score, per candidate.
@@ -75,7 +75,7 @@ impl RankedFrame {
         request: &RankedClick<'_>,
         choose: &mut dyn FnMut(&ClickCandidates) -> usize,
     ) -> Region {
-        let mut query = Query::new(&self.0, Some(request.taken));
+        let mut query = RegionQuery::new(&self.0, Some(request.taken));
         if let Some(previous) = request.previous {
             query.start_from(previous);
         }

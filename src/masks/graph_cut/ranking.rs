@@ -1,6 +1,6 @@
 //! Ranks the candidates of a click.
 
-use super::candidate_features::{FEATURES, Features};
+use super::candidate_features::{CandidateFeatures, FEATURES};
 use super::click_context::ClickContext;
 
 /// Features whose squares are terms as well, scaled by [`SQUARE_SCALE`].
@@ -14,7 +14,7 @@ pub const TERMS: usize = FEATURES + SQUARED.len();
 ///
 /// Kinds without depth come first, then those with depth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum ClickKind {
     /// The first include click of an object, without depth.
     First,
     /// A further include click, without depth.
@@ -29,10 +29,10 @@ pub enum Kind {
     DeepExclude,
 }
 
-/// Score weights: one row per [`Kind`], one weight per term.
+/// Score weights: one row per [`ClickKind`], one weight per term.
 pub type Weights = [[f32; TERMS]; 6];
 
-/// Fitted weights: one row per [`Kind`], one weight per term.
+/// Fitted weights: one row per [`ClickKind`], one weight per term.
 ///
 /// Fitted by `tests/bench/segmenter_fit`. With depth, it was fitted on a real shelf, on views of
 /// synthetic plants (seeds 2–11) and on bricks.
@@ -56,24 +56,24 @@ pub const WEIGHTS: Weights = [
     [-7.2509, -0.0555, -1.0001, 0.5564, -2.2938, 5.0224, 1.3872, 0.1545, 1.0942, 0.0314, -0.3785, 0.1716, -0.0913, -0.1800, -3.4572, 1.0182, -0.3662, -2.9879, -0.0626, 0.5298, -0.2297, 0.6221, 0.7414, 1.8741, -0.1026, 0.0000, 0.0170, -0.4638, -0.6082, 0.0014, 0.0598],
 ];
 
-/// How far scores are trusted, per [`Kind`]: 0 = all candidates equal, large = only the best score.
+/// How far scores are trusted, per [`ClickKind`]: 0 = all candidates equal, large = only the best score.
 const SHARPNESS: [f32; 6] = [0.5, 0.7, 1.0, 0.6, 1.0, 0.5];
 
 /// Returns the kind of the click of a context.
-pub(super) fn kind_of(context: &ClickContext<'_>) -> Kind {
+pub(super) fn kind_of(context: &ClickContext<'_>) -> ClickKind {
     let is_first = context.include && context.area == 0.0;
     match (context.same_thing.is_some(), context.include) {
-        (false, _) if is_first => Kind::First,
-        (false, true) => Kind::Include,
-        (false, false) => Kind::Exclude,
-        (true, _) if is_first => Kind::DeepFirst,
-        (true, true) => Kind::DeepInclude,
-        (true, false) => Kind::DeepExclude,
+        (false, _) if is_first => ClickKind::First,
+        (false, true) => ClickKind::Include,
+        (false, false) => ClickKind::Exclude,
+        (true, _) if is_first => ClickKind::DeepFirst,
+        (true, true) => ClickKind::DeepInclude,
+        (true, false) => ClickKind::DeepExclude,
     }
 }
 
 /// Returns the terms of a score: all features and the selected squares.
-pub(super) fn terms(features: &Features) -> [f32; TERMS] {
+pub(super) fn terms(features: &CandidateFeatures) -> [f32; TERMS] {
     std::array::from_fn(|at| match at.checked_sub(FEATURES) {
         None => features[at],
         Some(square) => SQUARE_SCALE * features[SQUARED[square]] * features[SQUARED[square]],
@@ -87,7 +87,7 @@ pub(super) fn terms(features: &Features) -> [f32; TERMS] {
 #[must_use]
 pub fn best(
     weights: &Weights,
-    kind: Kind,
+    kind: ClickKind,
     terms: &[[f32; TERMS]],
     shared: &[Vec<f32>],
 ) -> Option<usize> {

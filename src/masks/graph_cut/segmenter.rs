@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use super::appearance::Palette;
 use super::depth_completion::completed;
-use super::depth_surfaces::{Surfaces, depth_edges};
+use super::depth_surfaces::{DepthSurfaces, depth_edges};
 use super::edge_map::edge_map;
 use super::graph::RegionGraph;
 use super::over_segmentation::{RegionOptions, partition};
@@ -85,7 +85,9 @@ fn prepare_reduced(
     progress.step(1, STAGES)?;
     let measured = depth;
     let depth = measured.map(|depth| completed(depth, &lab));
-    let depth = depth.as_ref().map(|depth| (depth, Surfaces::new(depth)));
+    let depth = depth
+        .as_ref()
+        .map(|depth| (depth, DepthSurfaces::new(depth)));
     let depth = depth.as_ref().map(|(depth, surfaces)| (*depth, surfaces));
     let jumps = depth.map(|(depth, surfaces)| (depth_edges(depth), surfaces));
     let edges = edge_map(

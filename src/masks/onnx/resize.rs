@@ -6,7 +6,7 @@ use ostra_core::image::ImageSize;
 const PRECISION: u32 = 22;
 
 /// Weights of consecutive source pixels that sum to one new pixel.
-struct Taps {
+struct ResizeTaps {
     first: usize,
     weights: Vec<i64>,
 }
@@ -73,9 +73,9 @@ pub fn resized_planes(pixels: &[[u8; 3]], from: ImageSize, to: ImageSize) -> Vec
     out
 }
 
-fn taps(from: usize, to: usize) -> Vec<Taps> {
+fn taps(from: usize, to: usize) -> Vec<ResizeTaps> {
     let fixed = |weight: f64| (weight * f64::from(1 << PRECISION) + 0.5) as i64;
-    let one = |(first, weights): (usize, Vec<f64>)| Taps {
+    let one = |(first, weights): (usize, Vec<f64>)| ResizeTaps {
         first,
         weights: weights.into_iter().map(fixed).collect(),
     };
@@ -97,7 +97,7 @@ fn weights(from: usize, to: usize) -> Vec<(usize, Vec<f64>)> {
     (0..to).map(one).collect()
 }
 
-impl Taps {
+impl ResizeTaps {
     fn sum(&self, pixel: impl Fn(usize) -> [u8; 3]) -> [u8; 3] {
         let mut sums = [1i64 << (PRECISION - 1); 3];
         for (offset, &weight) in self.weights.iter().enumerate() {

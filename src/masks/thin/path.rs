@@ -65,7 +65,7 @@ pub(super) fn path_between(
     to_px: DVec2,
 ) -> Vec<PathPixel> {
     let crop = crop_around(image, from_px, to_px);
-    let mut search = Search::new(&crop, filter);
+    let mut search = PathSearch::new(&crop, filter);
     let ends = [search.snapped(from_px), search.snapped(to_px)];
     search.learn(ends);
     search.run(ends);
@@ -89,7 +89,7 @@ fn crop_around(image: &Image, a: DVec2, b: DVec2) -> Crop {
 /// Hart, Nilsson and Raphael, "A formal basis for the heuristic determination of minimum cost
 /// paths", IEEE Transactions on Systems Science and Cybernetics, 1968. The cost of a pixel is
 /// computed when it is first reached, so that only the surroundings of the line are filtered.
-struct Search<'a> {
+struct PathSearch<'a> {
     crop: &'a Crop,
     filter: &'a RidgeFilter,
     ridges: Vec<Option<Ridge>>,
@@ -104,7 +104,7 @@ struct Search<'a> {
     least: f32,
 }
 
-impl<'a> Search<'a> {
+impl<'a> PathSearch<'a> {
     fn new(crop: &'a Crop, filter: &'a RidgeFilter) -> Self {
         let count = crop.width * crop.height;
         Self {

@@ -135,7 +135,7 @@ fn clicks_of_other_labels_exclude() {
         })
         .unwrap();
     let meaning = PromptMeaning::new(&project, &request(LEAF, &[(0.5, 0.5, true)])).unwrap();
-    let requested: Vec<bool> = meaning.questions[0]
+    let requested: Vec<bool> = meaning.queries[0]
         .prompt
         .clicks
         .iter()

@@ -26,7 +26,7 @@ pub fn check(root: &Path) -> Result<()> {
     let home = root
         .canonicalize()
         .with_context(|| format!("{}: cannot be read", root.display()))?;
-    let mut walk = Walk {
+    let mut walk = FolderWalk {
         home: &home,
         root,
         seen: BTreeSet::new(),
@@ -37,7 +37,7 @@ pub fn check(root: &Path) -> Result<()> {
         .try_for_each(|name| walk.check(&home.join(name)))
 }
 
-struct Walk<'a> {
+struct FolderWalk<'a> {
     /// The folder, without links in its path.
     home: &'a Path,
     /// The folder as the user named it.
@@ -46,7 +46,7 @@ struct Walk<'a> {
     seen: BTreeSet<PathBuf>,
 }
 
-impl Walk<'_> {
+impl FolderWalk<'_> {
     /// Checks a file or folder whose parent path has no links.
     fn check(&mut self, path: &Path) -> Result<()> {
         let Ok(found) = fs::symlink_metadata(path) else {

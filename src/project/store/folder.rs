@@ -7,9 +7,9 @@ use sha2::{Digest, Sha256};
 
 use super::checkpoint::{Checkpoint, Written};
 use super::journal::{Journal, ReadRecords};
-use super::load::State;
+use super::load::StoredState;
 use super::lock::Lock;
-use super::{Act, Record, contained, durable, load, manifest};
+use super::{Act, JournalRecord, contained, durable, load, manifest};
 use crate::{History, Project};
 use ostra_core::disk;
 use ostra_core::job::Progress;
@@ -195,7 +195,7 @@ impl Folder {
         )
     }
 
-    fn loaded(root: &Path, access: Access, state: State) -> Loaded {
+    fn loaded(root: &Path, access: Access, state: StoredState) -> Loaded {
         let (history_seq, history_length) = state.history_end;
         let written = Written {
             seq: state.checkpoint,
@@ -265,8 +265,8 @@ impl Folder {
     ///
     /// Returns an error if it cannot be written, for example because the disk is full. The folder
     /// is then unchanged, and the step must not be made.
-    pub fn append(&mut self, act: Act) -> Result<Record> {
-        let record = Record {
+    pub fn append(&mut self, act: Act) -> Result<JournalRecord> {
+        let record = JournalRecord {
             seq: self.seq + 1,
             act,
         };

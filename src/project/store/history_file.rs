@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 
 use super::damage::Damage;
 use super::journal::read_records;
-use super::{Act, Record, durable};
+use super::{Act, JournalRecord, durable};
 use crate::{History, Step};
 use ostra_core::disk;
 
@@ -28,7 +28,7 @@ pub struct Past {
 /// The history is optional and never prevents a project from being opened. If it is damaged or has
 /// a gap before the journal, it starts again from there. Steps that the project lacks because the
 /// journal is damaged are left out.
-pub fn read(root: &Path, checkpoint: u64, journal: &[Record]) -> Past {
+pub fn read(root: &Path, checkpoint: u64, journal: &[JournalRecord]) -> Past {
     let path = root.join("history.jsonl");
     // The journal may hold only part of the steps before the checkpoint.
     let none = Past {
@@ -69,7 +69,7 @@ pub fn read(root: &Path, checkpoint: u64, journal: &[Record]) -> Past {
     let last = journal
         .last()
         .map_or(checkpoint, |record| record.seq.max(checkpoint));
-    let kept: Vec<(Record, u64)> = read
+    let kept: Vec<(JournalRecord, u64)> = read
         .records
         .into_iter()
         .zip(read.ends)
@@ -142,7 +142,7 @@ pub fn rewrite(root: &Path, history: &History, seq: u64) -> Result<u64> {
     let taken_back = std::iter::repeat_n(Act::Undo { edits: Vec::new() }, undone);
     let mut lines = Vec::new();
     for (act, number) in made.chain(taken_back).zip(first..) {
-        lines.extend(Record { seq: number, act }.line()?);
+        lines.extend(JournalRecord { seq: number, act }.line()?);
     }
     durable::replace(&root.join("history.jsonl"), &lines)?;
     Ok(lines.len() as u64)

@@ -11,7 +11,7 @@ use ostra_core::disk;
 
 /// One line of the journal or the history.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Record {
+pub struct JournalRecord {
     /// Number of the record, counted from 1 over the whole life of the project.
     pub seq: u64,
     /// What happened.
@@ -46,7 +46,7 @@ pub enum Act {
     },
 }
 
-impl Record {
+impl JournalRecord {
     /// Applies the record to the project.
     ///
     /// # Errors
@@ -96,7 +96,7 @@ impl Record {
 /// Maximum size of a journal or history that is read.
 const MAX_BYTES: u64 = 4 << 30;
 
-/// An append-only file of [`Record`]s, one per line.
+/// An append-only file of [`JournalRecord`]s, one per line.
 ///
 /// Each line is on disk before [`Journal::append`] returns.
 #[derive(Debug)]
@@ -115,7 +115,7 @@ pub struct Journal {
 #[derive(Debug, Default)]
 pub struct ReadRecords {
     /// Records in the order of the file.
-    pub records: Vec<Record>,
+    pub records: Vec<JournalRecord>,
     /// End of each record's line, in bytes.
     pub ends: Vec<u64>,
     /// Lines after these records that are not used, if any.
@@ -262,7 +262,7 @@ impl Journal {
     ///
     /// Returns an error if it cannot be written, for example because the disk is full. The file is
     /// then unchanged.
-    pub fn append(&mut self, record: &Record) -> Result<()> {
+    pub fn append(&mut self, record: &JournalRecord) -> Result<()> {
         if self.broken {
             bail!(
                 "{}: an earlier write failed; open the project again",

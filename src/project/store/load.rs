@@ -8,12 +8,12 @@ use super::history_file::{self, Past};
 use super::journal::{ReadRecords, read_records};
 use super::manifest::{self, Manifest};
 use super::mask_files::{self, ReadMasks, Runs};
-use super::{Act, Record, source_paths};
+use super::{Act, JournalRecord, source_paths};
 use crate::{Edit, History, Project};
 use ostra_core::job::Progress;
 
 /// The content of a project's files. Reading them changes nothing.
-pub struct State {
+pub struct StoredState {
     pub project: Project,
     /// Steps that lead to this state.
     pub history: History,
@@ -45,7 +45,7 @@ pub struct State {
 ///
 /// Returns an error if `project.toml` or the journal cannot be read, they do not belong together,
 /// or the progress is stopped.
-pub fn state(root: &Path, progress: &Progress) -> Result<State> {
+pub fn state(root: &Path, progress: &Progress) -> Result<StoredState> {
     let manifest = manifest::read(root)?;
     let (checkpoint, former) = (manifest.step, manifest.folder.clone());
     let path = root.join("journal.jsonl");
@@ -97,7 +97,7 @@ pub fn state(root: &Path, progress: &Progress) -> Result<State> {
         root,
     ));
     let history_end = (history_seq, length);
-    Ok(State {
+    Ok(StoredState {
         project,
         history,
         checkpoint,
@@ -122,7 +122,7 @@ fn base(root: &Path, manifest: Manifest) -> Result<Project> {
 }
 
 /// Returns the records that `project.toml` does not contain.
-fn later(journal: &ReadRecords, checkpoint: u64) -> &[Record] {
+fn later(journal: &ReadRecords, checkpoint: u64) -> &[JournalRecord] {
     let first = journal
         .records
         .iter()
@@ -151,7 +151,7 @@ fn cut_at_gap(journal: &mut ReadRecords, checkpoint: u64) {
 fn with_masks(
     root: &Path,
     mut project: Project,
-    later: &[Record],
+    later: &[JournalRecord],
     progress: &Progress,
 ) -> Result<(Project, ReadMasks, Runs)> {
     let set_later: BTreeSet<usize> = later
@@ -175,7 +175,7 @@ fn with_masks(
 }
 
 /// Returns the project after the records, or the index of the record that does not fit.
-fn replayed(base: &Project, records: &[Record]) -> Result<Project, (usize, anyhow::Error)> {
+fn replayed(base: &Project, records: &[JournalRecord]) -> Result<Project, (usize, anyhow::Error)> {
     let mut project = base.clone();
     for (place, record) in records.iter().enumerate() {
         record

@@ -32,7 +32,7 @@ pub struct Manifest {
     #[serde(default)]
     labels: Vec<Label>,
     #[serde(default)]
-    prompts: Vec<Given>,
+    prompts: Vec<GivenPrompt>,
     #[serde(default)]
     marks: Vec<Marked>,
     #[serde(default)]
@@ -46,7 +46,7 @@ fn is_zero(origin: &DVec3) -> bool {
 }
 
 #[derive(Debug, Serialize, Deserialize)]
-struct Given {
+struct GivenPrompt {
     frame: usize,
     label: LabelId,
     prompt: Prompt,
@@ -139,7 +139,7 @@ pub fn write(root: &Path, project: &Project, step: u64) -> Result<()> {
         origin: project.origin,
         labels: project.labels.iter().cloned().collect(),
         prompts: prompts
-            .map(|(&(frame, label), prompt)| Given {
+            .map(|(&(frame, label), prompt)| GivenPrompt {
                 frame,
                 label,
                 prompt: prompt.clone(),
@@ -193,7 +193,7 @@ impl Manifest {
         project.apply(crate::Edit::AddFrames {
             frames: self.frames,
         })?;
-        for Given {
+        for GivenPrompt {
             frame,
             label,
             prompt,

@@ -25,7 +25,7 @@ const ORIGINS: &str = "masks/origins.json";
 
 /// Entry of a frame's mask in `masks/origins.json`, stored under the frame's name.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-struct Origin {
+struct OriginEntry {
     origin: MaskOrigin,
     #[serde(default)]
     stale: bool,
@@ -112,11 +112,11 @@ pub fn write_origins(root: &Path, project: &Project) -> Result<()> {
     if project.masks.is_empty() && !path.exists() {
         return Ok(());
     }
-    let origins: BTreeMap<&str, Origin> = project
+    let origins: BTreeMap<&str, OriginEntry> = project
         .masks
         .iter()
         .map(|(&frame, mask)| {
-            let origin = Origin {
+            let origin = OriginEntry {
                 origin: mask.origin,
                 stale: mask.stale,
                 confidence: mask.confidence.clone(),
@@ -169,10 +169,10 @@ pub fn read(
     let read = listed.par_iter().filter_map(|&(number, frame)| {
         let path = root.join(&paths[number]);
         let origin = match origins.of(&frame.name) {
-            Known::As(origin) => origin,
-            Known::Nothing => return None,
-            Known::Damaged if path.exists() => Origin::keyframe(),
-            Known::Damaged => return None,
+            StoredMask::As(origin) => origin,
+            StoredMask::Nothing => return None,
+            StoredMask::Damaged if path.exists() => OriginEntry::keyframe(),
+            StoredMask::Damaged => return None,
         };
         let mask = progress
             .check()
@@ -184,17 +184,17 @@ pub fn read(
     for (number, mask) in read.collect::<Result<Vec<_>>>()? {
         let name = &project.frames[number].name;
         match mask {
-            ReadMask::Whole(mask) => {
+            LoadedMask::Whole(mask) => {
                 masks_there += 1;
                 found.masks.insert(number, mask);
             }
-            ReadMask::Gone => {
+            LoadedMask::Gone => {
                 found.warnings.push(format!(
                     "{}: is gone; frame {number} has no mask now",
                     paths[number].display()
                 ));
             }
-            ReadMask::Damaged(why) => found.damages.push(Damage {
+            LoadedMask::Damaged(why) => found.damages.push(Damage {
                 path: root.join(&paths[number]),
                 what: format!("{why}; frame {number} ({name}) has no mask now"),
                 is_in_use: false,
@@ -208,15 +208,15 @@ pub fn read(
 /// Content of `origins.json`.
 enum Origins {
     /// Entries by frame name; `None` for a damaged entry.
-    Read(BTreeMap<String, Option<Origin>>),
+    Read(BTreeMap<String, Option<OriginEntry>>),
     Missing,
     /// Why the file cannot be used.
     Damaged(String),
 }
 
 /// What is known about one frame's mask.
-enum Known {
-    As(Origin),
+enum StoredMask {
+    As(OriginEntry),
     /// The frame has no mask.
     Nothing,
     /// The frame has a mask if its file exists.
@@ -232,7 +232,11 @@ impl Origins {
         };
         match serde_json::from_slice::<BTreeMap<String, serde_json::Value>>(&text) {
             Ok(entries) => {
-                let entry = |value| serde_json::from_value(value).ok().filter(Origin::is_sound);
+                let entry = |value| {
+                    serde_json::from_value(value)
+                        .ok()
+                        .filter(OriginEntry::is_sound)
+                };
                 Self::Read(
                     entries
                         .into_iter()
@@ -244,14 +248,14 @@ impl Origins {
         }
     }
 
-    fn of(&self, frame: &str) -> Known {
+    fn of(&self, frame: &str) -> StoredMask {
         match self {
             Self::Read(entries) => match entries.get(frame) {
-                Some(Some(origin)) => Known::As(origin.clone()),
-                Some(None) => Known::Damaged,
-                None => Known::Nothing,
+                Some(Some(origin)) => StoredMask::As(origin.clone()),
+                Some(None) => StoredMask::Damaged,
+                None => StoredMask::Nothing,
             },
-            Self::Missing | Self::Damaged(_) => Known::Damaged,
+            Self::Missing | Self::Damaged(_) => StoredMask::Damaged,
         }
     }
 
@@ -294,7 +298,7 @@ impl Origins {
     }
 }
 
-impl Origin {
+impl OriginEntry {
     fn keyframe() -> Self {
         Self {
             origin: MaskOrigin::Keyframe,
@@ -313,25 +317,25 @@ impl Origin {
     }
 }
 
-enum ReadMask {
+enum LoadedMask {
     Whole(FrameMask),
     Gone,
     /// Why the mask cannot be used.
     Damaged(String),
 }
 
-fn read_one(path: &Path, project: &Project, frame: usize, origin: Origin) -> ReadMask {
+fn read_one(path: &Path, project: &Project, frame: usize, origin: OriginEntry) -> LoadedMask {
     if !path.exists() {
-        return ReadMask::Gone;
+        return LoadedMask::Gone;
     }
     let shown = &project.frames[frame];
     let mask = match read_palette_png_of(path, &MaskFrame::from(shown)) {
         Ok(mask) => mask,
         Err(error) => {
-            return ReadMask::Damaged(format!("cannot be read ({})", without_path(&error, path)));
+            return LoadedMask::Damaged(format!("cannot be read ({})", without_path(&error, path)));
         }
     };
-    let Origin {
+    let OriginEntry {
         origin,
         stale,
         confidence,
@@ -343,8 +347,8 @@ fn read_one(path: &Path, project: &Project, frame: usize, origin: Origin) -> Rea
         confidence,
     };
     match project.check_mask(shown, &mask) {
-        Ok(()) => ReadMask::Whole(mask),
-        Err(error) => ReadMask::Damaged(format!("does not fit the project ({error:#})")),
+        Ok(()) => LoadedMask::Whole(mask),
+        Err(error) => LoadedMask::Damaged(format!("does not fit the project ({error:#})")),
     }
 }
 

@@ -95,19 +95,19 @@ pub fn find_moved(project: &mut Project, former: Option<&Path>, root: &Path) -> 
 /// The sources in one folder.
 ///
 /// For each file, this holds a frame that uses it and the file's index among the frame's sources.
-struct Group<'a> {
+struct FolderSources<'a> {
     folder: &'a Path,
     files: BTreeMap<PathBuf, (&'a Frame, usize)>,
 }
 
-fn groups(frames: &[Frame]) -> BTreeMap<&Path, Group<'_>> {
-    let mut groups: BTreeMap<&Path, Group<'_>> = BTreeMap::new();
+fn groups(frames: &[Frame]) -> BTreeMap<&Path, FolderSources<'_>> {
+    let mut groups: BTreeMap<&Path, FolderSources<'_>> = BTreeMap::new();
     for frame in frames {
         for (place, path) in sources(frame).enumerate() {
             let (Some(folder), Some(name)) = (path.parent(), path.file_name()) else {
                 continue;
             };
-            let group = groups.entry(folder).or_insert_with(|| Group {
+            let group = groups.entry(folder).or_insert_with(|| FolderSources {
                 folder,
                 files: BTreeMap::new(),
             });
@@ -117,7 +117,7 @@ fn groups(frames: &[Frame]) -> BTreeMap<&Path, Group<'_>> {
     groups
 }
 
-impl Group<'_> {
+impl FolderSources<'_> {
     /// Returns whether any of the files exists in a folder.
     fn is_there(&self, folder: &Path) -> bool {
         self.files.keys().any(|name| folder.join(name).exists())

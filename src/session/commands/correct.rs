@@ -13,7 +13,7 @@ use crate::{JobCompletion, JobKind};
 use ostra_cloud::conflicts::MaskedFrame;
 use ostra_cloud::correct::SeeingPixels;
 use ostra_cloud::fuse::{Fused, ProjectViews, readable};
-use ostra_cloud::ply::{Coloring, save_ply};
+use ostra_cloud::ply::{SavedColors, save_ply};
 use ostra_cloud::select::Selector;
 use ostra_cloud::{LabelledCloud, SceneError};
 use ostra_core::job::JobId;
@@ -298,7 +298,7 @@ impl Correcting {
         save_ply(
             &cloud_path(&self.root, version),
             &fused.cloud,
-            Coloring::Image,
+            SavedColors::Image,
             progress,
         )?;
         save_votes(&votes_path(&self.root, version), &fused.votes)?;

@@ -8,7 +8,7 @@ use super::export_inputs::{Sources, make_folder_of};
 use ostra_cloud::formats::{CloudFormat, MeshFormat, VoxelFormat, save_origin};
 use ostra_cloud::fuse::ProjectViews;
 use ostra_cloud::measure::{LengthUnit, MeasureOptions, measure, measure_angles, traits_csv};
-use ostra_cloud::ply::{Coloring, label_paths, read_mesh, save_per_label, twin_path};
+use ostra_cloud::ply::{SavedColors, label_paths, read_mesh, save_per_label, twin_path};
 use ostra_cloud::{LabelledCloud, LabelledMesh, SceneError, fill_interior, voxelize};
 use ostra_core::job::Progress;
 use ostra_project::ExportRequest;
@@ -57,14 +57,14 @@ pub(super) fn write_mesh(
     let (mesh, warning) = simple.unwrap_or((whole, None));
     progress.stage("write mesh")?;
     make_folder_of(path)?;
-    format.save(path, &mesh, Coloring::Image, progress)?;
+    format.save(path, &mesh, SavedColors::Image, progress)?;
     if request.twin {
-        format.save(&twin_path(path), &mesh, Coloring::Labels, progress)?;
+        format.save(&twin_path(path), &mesh, SavedColors::Labels, progress)?;
     }
     if request.per_label {
         let files = label_paths(path, &mesh.vertices);
         for (id, part) in mesh.by_label() {
-            format.save(&files[&id], &part, Coloring::Image, progress)?;
+            format.save(&files[&id], &part, SavedColors::Image, progress)?;
         }
     }
     Ok(warning
@@ -135,17 +135,19 @@ fn write_points(
     path: &Path,
     cloud: &LabelledCloud,
     request: &ExportRequest,
-    save: impl Fn(&Path, &LabelledCloud, Coloring) -> Result<(), SceneError>,
+    save: impl Fn(&Path, &LabelledCloud, SavedColors) -> Result<(), SceneError>,
 ) -> Result<()> {
     make_folder_of(path)?;
     let coarse = request.level.map(|level| cloud.at_level(level));
     let cloud = coarse.as_ref().unwrap_or(cloud);
-    save(path, cloud, Coloring::Image)?;
+    save(path, cloud, SavedColors::Image)?;
     if request.twin {
-        save(&twin_path(path), cloud, Coloring::Labels)?;
+        save(&twin_path(path), cloud, SavedColors::Labels)?;
     }
     if request.per_label {
-        save_per_label(path, cloud, |path, part| save(path, part, Coloring::Image))?;
+        save_per_label(path, cloud, |path, part| {
+            save(path, part, SavedColors::Image)
+        })?;
     }
     Ok(())
 }

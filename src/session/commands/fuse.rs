@@ -13,7 +13,7 @@ use ostra_cloud::fuse::{
     ChosenVoxel, Dropped, FuseOptions, Fused, MaskVote, OntoOptions, ProjectViews, fuse, vote_onto,
     vote_seen,
 };
-use ostra_cloud::ply::{Coloring, read_ply, save_ply};
+use ostra_cloud::ply::{SavedColors, read_ply, save_ply};
 use ostra_core::job::JobId;
 use ostra_core::job::Progress;
 use ostra_frames::{DepthSource, Frame};
@@ -70,7 +70,7 @@ impl Session {
             save_ply(
                 &cloud_path(&root, version),
                 &fused.cloud,
-                Coloring::Image,
+                SavedColors::Image,
                 &context.progress,
             )?;
             save_votes(&votes_path(&root, version), &fused.votes)?;

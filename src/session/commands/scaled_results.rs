@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use ostra_cloud::LabelledCloud;
 use ostra_cloud::fuse::Votes;
 use ostra_cloud::measure::LengthUnit;
-use ostra_cloud::ply::{Coloring, read_mesh, read_ply, save_mesh, save_ply};
+use ostra_cloud::ply::{SavedColors, read_mesh, read_ply, save_mesh, save_ply};
 use ostra_core::job::Progress;
 use ostra_frames::cameras::{ModelEncoding, read_sparse_model, write_colmap_model};
 use ostra_frames::{DepthSource, EstimatedDepth, Frame};
@@ -207,7 +207,7 @@ impl Scaling {
         save_ply(
             &cloud_path(root, self.version),
             &cloud,
-            Coloring::Image,
+            SavedColors::Image,
             progress,
         )?;
         keep_votes(root, before, self.version)?;
@@ -220,7 +220,7 @@ impl Scaling {
             save_mesh(
                 &mesh_path(root, self.version),
                 &mesh,
-                Coloring::Image,
+                SavedColors::Image,
                 progress,
             )?;
         }

@@ -6,7 +6,7 @@ use anyhow::Result;
 use ostra_cloud::fuse::{
     Coverage, MaskVote, OntoOptions, ProjectViews, SeenPoints, Votes, vote_seen,
 };
-use ostra_cloud::ply::{Coloring, save_mesh};
+use ostra_cloud::ply::{SavedColors, save_mesh};
 use ostra_cloud::volume::{VolumeOptions, reconstruct_surface};
 use ostra_cloud::{LabelledMesh, SceneError};
 use ostra_core::job::Progress;
@@ -198,7 +198,12 @@ pub(super) fn save_surface(
     votes: &Votes,
     progress: &Progress,
 ) -> Result<()> {
-    save_mesh(&mesh_path(root, version), mesh, Coloring::Image, progress)?;
+    save_mesh(
+        &mesh_path(root, version),
+        mesh,
+        SavedColors::Image,
+        progress,
+    )?;
     save_votes(&mesh_votes_path(root, version), votes)
 }
 

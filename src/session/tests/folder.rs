@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use super::making::{images, keyframe, perform, project, record, tracked};
 use crate::{Command, NewProject, Session};
 use ostra_cloud::LabelledCloud;
-use ostra_cloud::ply::{Coloring, save_ply};
+use ostra_cloud::ply::{SavedColors, save_ply};
 use ostra_core::job::Progress;
 use ostra_frames::{FrameFolder, OpenRequest};
 use ostra_project::OpenProject;
@@ -341,7 +341,7 @@ fn with_cloud(root: &Path, points: usize) {
     save_ply(
         &cloud_path(root, version),
         &cloud,
-        Coloring::Image,
+        SavedColors::Image,
         &Progress::default(),
     )
     .unwrap();

@@ -54,12 +54,12 @@ pub(super) fn fed(image: &Image, shown: ImageSize) -> Result<Tensor, NnError> {
 }
 
 /// Four source pixels and their weights.
-type Taps = [(usize, f32); 4];
+type BilinearTaps = [(usize, f32); 4];
 
 /// Returns the weights of OpenCV's cubic interpolation.
 ///
 /// It does not smooth when it reduces an image. The border pixels are repeated.
-fn taps(from: usize, to: usize) -> Vec<Taps> {
+fn taps(from: usize, to: usize) -> Vec<BilinearTaps> {
     let scale = from as f64 / to as f64;
     let one = |at: usize| {
         let place = (at as f64 + 0.5) * scale - 0.5;
@@ -78,7 +78,7 @@ fn taps(from: usize, to: usize) -> Vec<Taps> {
     (0..to).map(one).collect()
 }
 
-fn sum<const N: usize>(taps: &Taps, pixel: impl Fn(usize) -> [f32; N]) -> [f32; N] {
+fn sum<const N: usize>(taps: &BilinearTaps, pixel: impl Fn(usize) -> [f32; N]) -> [f32; N] {
     let mut sums = [0.0; N];
     for &(at, weight) in taps {
         sums.iter_mut()

@@ -5,12 +5,12 @@ use ostra_masks::MaskError;
 
 /// The four networks, shared by all passes.
 #[derive(Debug)]
-pub(super) struct Networks {
+pub(super) struct DeAotNetworks {
     encoder: Network,
     remember: Network,
     propagate: Network,
     identify: Network,
-    names: Names,
+    names: TensorNames,
 }
 
 /// Number of objects in one run; the first channel of a run is the background.
@@ -18,7 +18,7 @@ pub(super) const OBJECTS: usize = 10;
 
 /// Names of inputs and outputs, layer by layer.
 #[derive(Debug)]
-struct Names {
+struct TensorNames {
     memory: Vec<[String; PARTS]>,
     long: Vec<[String; PARTS]>,
     short: Vec<[String; PARTS]>,
@@ -30,7 +30,7 @@ const FEATURES: [&str; 4] = ["fine", "middle", "coarse", "embedding"];
 
 /// Encoder output for one image.
 #[derive(Debug)]
-pub(super) struct Features([Tensor; FEATURES.len()]);
+pub(super) struct EncoderFeatures([Tensor; FEATURES.len()]);
 
 /// Result of propagating one group of objects to an image.
 #[derive(Debug)]
@@ -42,13 +42,13 @@ pub(super) struct NetworkOutput {
     traces: Vec<Tensor>,
 }
 
-impl Networks {
+impl DeAotNetworks {
     /// Checks the four networks, which `assets/export/deaot.py` writes.
     ///
     /// # Errors
     /// [`NnError::Mismatch`] if one has other inputs or outputs.
     pub fn new([encoder, remember, propagate, identify]: [Network; 4]) -> Result<Self, NnError> {
-        let names = Names::of(remember.signature().outputs.len() / PARTS);
+        let names = TensorNames::of(remember.signature().outputs.len() / PARTS);
         let memory: Vec<&str> = names
             .memory
             .as_flattened()
@@ -95,34 +95,42 @@ impl Networks {
 /// The networks together with the progress that can stop them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Running<'a> {
-    networks: &'a Networks,
+    networks: &'a DeAotNetworks,
     progress: &'a Progress,
 }
 
 impl<'a> Running<'a> {
-    fn names(self) -> &'a Names {
+    fn names(self) -> &'a TensorNames {
         &self.networks.names
     }
 
-    fn run(self, network: &'a Network, fed: &[(&str, &Tensor)]) -> Result<Given<'a>, MaskError> {
+    fn run(
+        self,
+        network: &'a Network,
+        fed: &[(&str, &Tensor)],
+    ) -> Result<RunOutputs<'a>, MaskError> {
         let given = run(network, fed, self.progress)?;
-        Ok(Given {
+        Ok(RunOutputs {
             network,
             tensors: given.into_iter().map(Some).collect(),
         })
     }
 
-    pub fn encode(self, image: &Tensor) -> Result<Features, MaskError> {
+    pub fn encode(self, image: &Tensor) -> Result<EncoderFeatures, MaskError> {
         let mut given = self.run(&self.networks.encoder, &[("image", image)])?;
         let [fine, middle, coarse, embedding] = FEATURES.map(|name| given.take(name, 4));
-        Ok(Features([fine?, middle?, coarse?, embedding?]))
+        Ok(EncoderFeatures([fine?, middle?, coarse?, embedding?]))
     }
 
     /// Returns the memory of an image with a given mask.
     ///
     /// The mask is `[1, 11, rows, columns]` of zeros and ones.
-    pub fn remember(self, features: &Features, mask: &Tensor) -> Result<Memory, MaskError> {
-        let Features([.., embedding]) = features;
+    pub fn remember(
+        self,
+        features: &EncoderFeatures,
+        mask: &Tensor,
+    ) -> Result<ImageMemory, MaskError> {
+        let EncoderFeatures([.., embedding]) = features;
         let mut given = self.run(
             &self.networks.remember,
             &[("embedding", embedding), ("mask", mask)],
@@ -134,7 +142,7 @@ impl<'a> Running<'a> {
                 given.take(identity, 2)?,
             ])
         };
-        Ok(Memory {
+        Ok(ImageMemory {
             layers: self
                 .names()
                 .memory
@@ -147,11 +155,11 @@ impl<'a> Running<'a> {
     /// Propagates the objects to an image, from long-term memory and the image before.
     pub fn propagate(
         self,
-        features: &Features,
-        long: &Memory,
-        short: &Memory,
+        features: &EncoderFeatures,
+        long: &ImageMemory,
+        short: &ImageMemory,
     ) -> Result<NetworkOutput, MaskError> {
-        let Features(features) = features;
+        let EncoderFeatures(features) = features;
         let terms = [(&self.names().long, long), (&self.names().short, short)];
         let memories = terms.into_iter().flat_map(|(names, memory)| {
             names
@@ -189,7 +197,7 @@ impl<'a> Running<'a> {
     }
 
     /// Returns the memory of an image that was propagated to, now that its mask is known.
-    pub fn identify(self, seen: NetworkOutput, mask: &Tensor) -> Result<Memory, MaskError> {
+    pub fn identify(self, seen: NetworkOutput, mask: &Tensor) -> Result<ImageMemory, MaskError> {
         let traces = self
             .names()
             .traces
@@ -202,13 +210,13 @@ impl<'a> Running<'a> {
             Ok([key, value, given.take(name, 2)?])
         };
         let layers = seen.kept.into_iter().zip(&self.names().memory).map(layer);
-        Ok(Memory {
+        Ok(ImageMemory {
             layers: layers.collect::<Result<_, MaskError>>()?,
         })
     }
 }
 
-impl Names {
+impl TensorNames {
     fn of(layers: usize) -> Self {
         let named = |term: &str| -> Vec<[String; PARTS]> {
             let one =
@@ -226,12 +234,12 @@ impl Names {
 }
 
 /// Outputs of a run, by name.
-struct Given<'a> {
+struct RunOutputs<'a> {
     network: &'a Network,
     tensors: Vec<Option<Tensor>>,
 }
 
-impl Given<'_> {
+impl RunOutputs<'_> {
     fn take(&mut self, name: &str, dimensions: usize) -> Result<Tensor, MaskError> {
         let at = self
             .network
@@ -258,7 +266,7 @@ const PARTS: usize = 3;
 
 /// Memory of one image: key, value and identity per layer, each `[cells, channels]`.
 #[derive(Debug)]
-pub(super) struct Memory {
+pub(super) struct ImageMemory {
     pub layers: Vec<[Tensor; PARTS]>,
 }
 
@@ -266,7 +274,7 @@ pub(super) struct Memory {
 #[derive(Debug)]
 pub(super) struct LongMemory {
     /// Laid out as for one image, with the cells of all images one after the other.
-    pub memory: Memory,
+    pub memory: ImageMemory,
     /// Whether each image's mask was given.
     is_given: Vec<bool>,
     most: usize,
@@ -274,9 +282,9 @@ pub(super) struct LongMemory {
 
 impl LongMemory {
     /// Starts with the memory of an image whose mask was given.
-    pub fn new(first: &Memory, most: usize) -> Self {
+    pub fn new(first: &ImageMemory, most: usize) -> Self {
         Self {
-            memory: Memory {
+            memory: ImageMemory {
                 layers: first.layers.clone(),
             },
             is_given: vec![true],
@@ -288,7 +296,7 @@ impl LongMemory {
     ///
     /// At the limit, the oldest image whose mask was not given is removed. If all masks were given,
     /// the oldest image after the first is removed.
-    pub fn push(&mut self, image: &Memory, is_given: bool) -> Result<(), NnError> {
+    pub fn push(&mut self, image: &ImageMemory, is_given: bool) -> Result<(), NnError> {
         let count = self.is_given.len();
         let is_full = count >= self.most;
         if is_full && self.most == 1 {
@@ -328,9 +336,9 @@ fn joined(kept: &Tensor, new: &Tensor, gone: Option<usize>) -> Result<Tensor, Nn
 mod tests {
     use super::*;
 
-    fn of(value: f32) -> Memory {
+    fn of(value: f32) -> ImageMemory {
         let part = || Tensor::floats(&[2, 1], vec![value, value + 0.5]).unwrap();
-        Memory {
+        ImageMemory {
             layers: vec![std::array::from_fn(|_| part())],
         }
     }

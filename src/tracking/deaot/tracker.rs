@@ -3,10 +3,12 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::image_input::{fed, nearest, probabilities, shown_size};
-use super::network::{Features, LongMemory, Memory, NetworkOutput, Networks, OBJECTS, Running};
+use super::network::{
+    DeAotNetworks, EncoderFeatures, ImageMemory, LongMemory, NetworkOutput, OBJECTS, Running,
+};
 use crate::networks::network_error;
 use crate::propagate::{
-    Answer, KeyframeUse, LabelProbabilities, LookAhead, MaskPropagator, PassFrame, Section,
+    KeyframeUse, LabelProbabilities, LookAhead, MaskPropagator, PassFrame, PassResult, Section,
     most_probable, propagate, shown_labels,
 };
 use ostra_compute::nn::{Network, NnError, Tensor, load};
@@ -47,7 +49,7 @@ impl Default for DeaotOptions {
 /// Clones share the networks.
 #[derive(Debug, Clone)]
 pub struct Deaot {
-    networks: Arc<Networks>,
+    networks: Arc<DeAotNetworks>,
     /// Input size and memory settings.
     pub options: DeaotOptions,
 }
@@ -70,7 +72,7 @@ impl Deaot {
     /// [`NnError::Mismatch`] if one has other inputs or outputs.
     pub fn new(networks: [Network; 4]) -> Result<Self, NnError> {
         Ok(Self {
-            networks: Arc::new(Networks::new(networks)?),
+            networks: Arc::new(DeAotNetworks::new(networks)?),
             options: DeaotOptions::default(),
         })
     }
@@ -111,7 +113,7 @@ pub(super) struct DeaotPass<'a> {
     shown: Option<ImageSize>,
     /// Label of every number; the first has number 1.
     labels: Vec<LabelId>,
-    groups: Vec<Group>,
+    groups: Vec<ObjectGroup>,
     /// The image that was propagated to last.
     ///
     /// It enters the memory only when the pass continues, because its mask may still be given.
@@ -122,7 +124,7 @@ pub(super) struct DeaotPass<'a> {
 #[derive(Debug)]
 struct Last {
     image: Image,
-    features: Features,
+    features: EncoderFeatures,
     seen: Vec<NetworkOutput>,
     /// Object number of every pixel.
     numbers: Vec<usize>,
@@ -157,7 +159,7 @@ impl<'a> DeaotPass<'a> {
             .get_or_insert_with(|| shown_size(image.width, image.height, longest))
     }
 
-    fn features(&mut self, image: &Image) -> Result<Features, MaskError> {
+    fn features(&mut self, image: &Image) -> Result<EncoderFeatures, MaskError> {
         check(image)?;
         let shown = self.shown(image);
         self.networks
@@ -215,7 +217,7 @@ impl<'a> DeaotPass<'a> {
         &mut self,
         image: &Image,
         given: &BTreeSet<LabelId>,
-    ) -> Result<(Features, Vec<usize>), MaskError> {
+    ) -> Result<(EncoderFeatures, Vec<usize>), MaskError> {
         let last = match self.last.take() {
             Some(last) if last.image == *image => last,
             other => {
@@ -286,7 +288,7 @@ impl<'a> DeaotPass<'a> {
             group.remember(self.networks, &features, &numbers)?;
         }
         for at in self.groups.len()..self.labels.len().div_ceil(OBJECTS) {
-            self.groups.push(Group::new(
+            self.groups.push(ObjectGroup::new(
                 self.networks,
                 at,
                 &features,
@@ -327,8 +329,8 @@ impl MaskPropagator for DeaotPass<'_> {
         &mut self,
         frame: &PassFrame,
         _ahead: &mut LookAhead<'_, '_>,
-    ) -> Result<Answer, MaskError> {
-        Ok(Answer::most_probable(self.propagate(&frame.image)?))
+    ) -> Result<PassResult, MaskError> {
+        Ok(PassResult::most_probable(self.propagate(&frame.image)?))
     }
 }
 
@@ -367,21 +369,21 @@ impl NumberMap {
 
 /// Memory of up to ten objects that share one run.
 #[derive(Debug)]
-pub(super) struct Group {
+pub(super) struct ObjectGroup {
     /// Number of the first object; 0 is the background.
     first: usize,
     long: LongMemory,
-    short: Memory,
+    short: ImageMemory,
     /// Images since the last one entered long-term memory.
     since: usize,
 }
 
-impl Group {
+impl ObjectGroup {
     /// Creates group `at` (from 0) from an image whose mask is given.
     pub fn new(
         networks: Running<'_>,
         at: usize,
-        features: &Features,
+        features: &EncoderFeatures,
         given: &NumberMap,
         options: &DeaotOptions,
     ) -> Result<Self, MaskError> {
@@ -399,7 +401,7 @@ impl Group {
     pub fn remember(
         &mut self,
         networks: Running<'_>,
-        features: &Features,
+        features: &EncoderFeatures,
         given: &NumberMap,
     ) -> Result<(), MaskError> {
         self.short = networks.remember(features, &one_hot(given, self.first)?)?;
@@ -412,7 +414,7 @@ impl Group {
     pub fn propagate(
         &mut self,
         networks: Running<'_>,
-        features: &Features,
+        features: &EncoderFeatures,
     ) -> Result<NetworkOutput, MaskError> {
         self.since += 1;
         networks.propagate(features, &self.long.memory, &self.short)

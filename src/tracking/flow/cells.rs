@@ -10,7 +10,7 @@ pub(super) const ODDS: usize = 3;
 const DIRECTIONS: usize = 6;
 
 /// A region of an image divided into cells with features.
-pub(super) struct Cells {
+pub(super) struct FeatureCells {
     pub columns: usize,
     pub rows: usize,
     /// Side of a cell in pixels.
@@ -21,7 +21,7 @@ pub(super) struct Cells {
     features: Vec<[f32; FEATURES]>,
 }
 
-impl Cells {
+impl FeatureCells {
     /// Computes the cells at most `reach_px` from `centre` in each direction.
     ///
     /// `odds` has one value per colour bin.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use glam::Vec2;
 
 use super::dis::{Finest, flow_between};
-use super::motion::{PlaneMotion, Step};
+use super::motion::{PlaneMotion, PointMatch};
 use super::plane::{Flow, Plane, median};
 use super::tracked_image::TrackedImage;
 use ostra_masks::Region;
@@ -16,7 +16,7 @@ const MOST_STEPS: usize = 1500;
 const AGREES_PX: f32 = 2.0;
 
 /// Two neighbouring frames and the optical flow between them.
-pub(super) struct Change {
+pub(super) struct FrameChange {
     pub last: Arc<TrackedImage>,
     pub next: Arc<TrackedImage>,
     /// Flow from the last frame to the next, and back.
@@ -30,7 +30,7 @@ pub(super) struct Change {
     pub background_noise: f32,
 }
 
-impl Change {
+impl FrameChange {
     /// Measures the flow in both directions.
     pub fn new(last: Arc<TrackedImage>, next: Arc<TrackedImage>, finest: Finest) -> Self {
         let flow = |from: &TrackedImage, to: &TrackedImage| {
@@ -88,19 +88,20 @@ impl Change {
             return;
         }
         let every = open_places.len().div_ceil(MOST_STEPS);
-        let step = |&at: &usize| {
+        let pair = |&at: &usize| {
             let from = Vec2::new((at % width) as f32, (at / width) as f32);
-            Step {
+            PointMatch {
                 from,
                 to: from + self.backward.vectors[at],
             }
         };
-        let steps: Vec<Step> = open_places.iter().step_by(every).map(step).collect();
+        let matches: Vec<PointMatch> = open_places.iter().step_by(every).map(pair).collect();
         let centre = Vec2::new(width as f32, height as f32) / 2.0;
-        self.background = PlaneMotion::of(&steps, centre, AGREES_PX);
+        self.background = PlaneMotion::of(&matches, centre, AGREES_PX);
         if let Some(motion) = self.background {
-            let miss = |step: &Step| motion.displacement(step.from).distance(step.to - step.from);
-            self.background_noise = median(steps.iter().map(miss));
+            let miss =
+                |pair: &PointMatch| motion.displacement(pair.from).distance(pair.to - pair.from);
+            self.background_noise = median(matches.iter().map(miss));
         }
     }
 }
@@ -123,8 +124,8 @@ struct KeptFlow {
 }
 
 impl KeptFlow {
-    fn of(change: &Change) -> Self {
-        let Change {
+    fn of(change: &FrameChange) -> Self {
+        let FrameChange {
             last,
             next,
             forward,
@@ -141,8 +142,8 @@ impl KeptFlow {
         }
     }
 
-    fn reversed(self) -> Change {
-        Change::of_flows(self.next, self.last, self.backward, self.forward)
+    fn reversed(self) -> FrameChange {
+        FrameChange::of_flows(self.next, self.last, self.backward, self.forward)
     }
 }
 
@@ -168,7 +169,7 @@ impl FlowCache {
         last: &Arc<TrackedImage>,
         next: &Arc<TrackedImage>,
         finest: Finest,
-    ) -> Change {
+    ) -> FrameChange {
         let is_way_back =
             |step: &KeptFlow| Arc::ptr_eq(&step.last, next) && Arc::ptr_eq(&step.next, last);
         if let Some(back) = self
@@ -179,7 +180,7 @@ impl FlowCache {
         {
             return back.reversed();
         }
-        let change = Change::new(Arc::clone(last), Arc::clone(next), finest);
+        let change = FrameChange::new(Arc::clone(last), Arc::clone(next), finest);
         if self.most > 0 {
             if self.steps.len() == self.most {
                 self.steps.pop_front();
@@ -216,7 +217,7 @@ mod tests {
     fn cached_flows_equal_measured_ones_when_reversed() {
         let frames = [0, 2, 4, 6].map(image);
         let mut flows = FlowCache::keeping(2);
-        let there: Vec<Change> = frames
+        let there: Vec<FrameChange> = frames
             .windows(2)
             .map(|two| flows.change(&two[0], &two[1], Finest::Full))
             .collect();
@@ -230,7 +231,7 @@ mod tests {
                 "the two latest steps are kept"
             );
             assert_eq!(Arc::ptr_eq(&back.backward, &there[at].forward), is_kept);
-            let measured = Change::new(
+            let measured = FrameChange::new(
                 Arc::clone(&frames[at + 1]),
                 Arc::clone(&frames[at]),
                 Finest::Full,

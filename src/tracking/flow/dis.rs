@@ -58,18 +58,18 @@ pub(super) fn flow_between(first: &Pyramid, second: &Pyramid, finest: Finest) ->
 }
 
 fn refined(from: &Level, to: &Level, start: &Flow) -> Flow {
-    let grid = Grid::new(from);
+    let grid = PatchGrid::new(from);
     let found = grid.search(from, to, start);
     smoothed(from, to, &grid.densified(from, to, &found))
 }
 
 /// Top-left pixels of the patches, as columns and rows. The last ones touch the border.
-struct Grid {
+struct PatchGrid {
     columns: Vec<usize>,
     rows: Vec<usize>,
 }
 
-impl Grid {
+impl PatchGrid {
     fn new(level: &Level) -> Self {
         let along = |side: usize| {
             let last = side - PATCH;

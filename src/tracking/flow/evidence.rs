@@ -1,12 +1,12 @@
 use glam::{Affine2, Vec2};
 
-use super::change::Change;
+use super::change::FrameChange;
 use super::memory::Recalled;
-use super::object::{Evidence, Object, Prediction, SHAPE};
+use super::object::{Evidence, Prediction, SHAPE, TrackedObject};
 use super::options::FlowOptions;
 use super::plane::{Plane, median};
-use super::votes::{Displacement, Source, Vote, votes};
-use ostra_masks::cut::Window;
+use super::votes::{Displacement, Vote, VoteSource, votes};
+use ostra_masks::cut::PixelWindow;
 use ostra_masks::{LabelMask, Region, squared_distance_to};
 
 /// Odds of a pixel outside the object's reach.
@@ -25,14 +25,14 @@ const MIN_EVIDENCE: f32 = 0.05;
 
 /// Observations of the next frame and its neighbours.
 pub(super) struct FrameEvidence<'a> {
-    pub change: &'a Change,
+    pub change: &'a FrameChange,
     pub beyond: Option<&'a FrameAhead<'a>>,
     pub recalled: Option<&'a Recalled>,
 }
 
 /// Combines flow, position, colours, motion, memory and neighbouring patches into odds.
 pub(super) fn evidence(
-    object: &Object,
+    object: &TrackedObject,
     prediction: &Prediction,
     &FrameEvidence {
         change,
@@ -112,7 +112,7 @@ pub(super) fn evidence(
 /// Returns the evidence for an object that is expected nowhere.
 fn no_evidence() -> Evidence {
     Evidence {
-        window: Window {
+        window: PixelWindow {
             left: 0,
             top: 0,
             right: 0,
@@ -129,11 +129,11 @@ fn no_evidence() -> Evidence {
 /// Returns `None` if the mask ahead does not show the object, because it may not have been tracked
 /// there.
 fn votes_of_both(
-    object: &Object,
+    object: &TrackedObject,
     prediction: &Prediction,
-    change: &Change,
+    change: &FrameChange,
     beyond: &FrameAhead<'_>,
-    window: Window,
+    window: PixelWindow,
 ) -> Option<Vec<Vote>> {
     let there = beyond.mask.region(object.id);
     if there.is_empty() {
@@ -141,14 +141,14 @@ fn votes_of_both(
     }
     let own = Plane::of_mask(change.next.width, change.next.height, &object.mask().inside);
     let share_beyond = Plane::of_mask(change.next.width, change.next.height, &there.inside);
-    let last = |way, reach| Source {
+    let last = |way, reach| VoteSource {
         image: &change.last,
         share: &own,
         way,
         reach,
         weight: 2.0 * (1.0 - beyond.share),
     };
-    let next = |way, reach| Source {
+    let next = |way, reach| VoteSource {
         image: &beyond.change.next,
         share: &share_beyond,
         way,
@@ -168,9 +168,9 @@ fn votes_of_both(
 }
 
 /// Returns the window within reach of the expected shape; `None` if nothing is expected.
-fn window_of(expected: &Plane, reach: f32) -> Option<Window> {
+fn window_of(expected: &Plane, reach: f32) -> Option<PixelWindow> {
     let (width, height) = (expected.width, expected.height);
-    let mut found: Option<Window> = None;
+    let mut found: Option<PixelWindow> = None;
     for (at, _) in expected
         .values
         .iter()
@@ -178,7 +178,7 @@ fn window_of(expected: &Plane, reach: f32) -> Option<Window> {
         .filter(|(_, value)| **value > SHAPE)
     {
         let (x, y) = (at % width, at / width);
-        let window = found.get_or_insert(Window {
+        let window = found.get_or_insert(PixelWindow {
             left: x,
             top: y,
             right: x + 1,
@@ -189,7 +189,7 @@ fn window_of(expected: &Plane, reach: f32) -> Option<Window> {
         window.bottom = y + 1;
     }
     let reach = reach.ceil() as usize + 1;
-    found.map(|window| Window {
+    found.map(|window| PixelWindow {
         left: window.left.saturating_sub(reach),
         top: window.top.saturating_sub(reach),
         right: (window.right + reach).min(width),
@@ -198,7 +198,7 @@ fn window_of(expected: &Plane, reach: f32) -> Option<Window> {
 }
 
 /// Returns the distance in pixels of each window pixel from the expected shape.
-fn distances(expected: &Plane, window: Window) -> Vec<f32> {
+fn distances(expected: &Plane, window: PixelWindow) -> Vec<f32> {
     let inside = window
         .places(expected.width)
         .map(|at| expected.values[at] > SHAPE)
@@ -217,7 +217,7 @@ fn distances(expected: &Plane, window: Window) -> Vec<f32> {
 /// Returns the log-odds per pixel of moving like the object; 0 if both motions are alike.
 fn motion_odds<'a>(
     prediction: &Prediction,
-    change: &'a Change,
+    change: &'a FrameChange,
 ) -> impl Fn(Vec2, usize) -> f32 + use<'a> {
     let back: Affine2 = prediction.motion.inverse();
     let off_object = move |at: Vec2, place: usize| {
@@ -260,7 +260,7 @@ fn motion_odds<'a>(
 /// The mask is the keyframe's own, or comes from the keyframe on that side.
 pub(super) struct FrameAhead<'a> {
     /// Flow from the next frame to this one.
-    pub change: &'a Change,
+    pub change: &'a FrameChange,
     pub mask: LabelMask,
     /// Weight of its mask relative to the last frame's, 0–1.
     pub share: f32,

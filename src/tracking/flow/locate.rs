@@ -1,7 +1,7 @@
 use glam::Vec2;
 use rayon::prelude::*;
 
-use super::cells::{Cells, FEATURES, ODDS};
+use super::cells::{FEATURES, FeatureCells, ODDS};
 use super::plane::Plane;
 use ostra_core::image::bilinear_weights;
 
@@ -29,7 +29,7 @@ struct Template {
 }
 
 /// An object's appearance in its keyframe and in recent frames.
-pub(super) struct Appearance {
+pub(super) struct ObjectAppearance {
     first: Template,
     last: Template,
     /// Size of the object relative to that in the keyframe.
@@ -62,15 +62,15 @@ impl ObjectFit {
 }
 
 /// Templates scaled to a frame, with the contrast weights of the shape.
-struct Ready {
+struct ScaledTemplates {
     first: Template,
     last: Template,
     shape: Template,
     contrast: Vec<f32>,
 }
 
-impl Ready {
-    fn fit(&self, cells: &Cells, x: isize, y: isize) -> ObjectFit {
+impl ScaledTemplates {
+    fn fit(&self, cells: &FeatureCells, x: isize, y: isize) -> ObjectFit {
         let odds = (0..self.contrast.len())
             .filter(|&at| self.contrast[at] != 0.0)
             .map(|at| {
@@ -97,7 +97,7 @@ pub(super) struct ObjectPlace {
 }
 
 impl Template {
-    fn new(cells: &Cells, share: &Plane, centre: Vec2, radius: usize) -> Self {
+    fn new(cells: &FeatureCells, share: &Plane, centre: Vec2, radius: usize) -> Self {
         let side = 2 * radius + 1;
         let middle = cells.of_pixel(centre);
         let offset =
@@ -154,7 +154,7 @@ impl Template {
     }
 
     /// Returns the weighted mean squared difference of features with the centre at a cell.
-    fn difference(&self, cells: &Cells, x: isize, y: isize) -> f32 {
+    fn difference(&self, cells: &FeatureCells, x: isize, y: isize) -> f32 {
         let (mut sum, mut weights) = (0.0, 1e-6);
         for (at, (features, &weight)) in self.features.iter().zip(&self.weights).enumerate() {
             if weight > 0.02 {
@@ -207,9 +207,9 @@ pub(super) struct ExpectedShape<'a> {
     pub centre: Vec2,
 }
 
-impl Appearance {
+impl ObjectAppearance {
     /// Learns the appearance of an object at `centre`; `share` is its part of each cell.
-    pub fn new(cells: &Cells, share: &Plane, centre: Vec2) -> Self {
+    pub fn new(cells: &FeatureCells, share: &Plane, centre: Vec2) -> Self {
         let middle = cells.of_pixel(centre);
         let own = (0..share.values.len()).filter(|&at| share.values[at] > 0.1);
         let extent = own.map(|at| {
@@ -231,7 +231,7 @@ impl Appearance {
     /// `zoom` is its growth since the last frame.
     pub fn find(
         &mut self,
-        cells: &Cells,
+        cells: &FeatureCells,
         shape: &ExpectedShape<'_>,
         predicted: Vec2,
         zoom: f32,
@@ -282,10 +282,10 @@ impl Appearance {
         }
     }
 
-    fn ready(&self, cells: &Cells, shape: &ExpectedShape<'_>, zoom: f32) -> Ready {
+    fn ready(&self, cells: &FeatureCells, shape: &ExpectedShape<'_>, zoom: f32) -> ScaledTemplates {
         let shape = Template::new(cells, shape.share, shape.centre, self.last.radius).scaled(zoom);
         let contrast = shape.contrast();
-        Ready {
+        ScaledTemplates {
             first: self.first.scaled(self.size),
             last: self.last.clone(),
             shape,
@@ -299,7 +299,7 @@ impl Appearance {
     }
 
     /// Updates the recent appearance from a frame that shows the object well.
-    pub fn learn(&mut self, cells: &Cells, share: &Plane, centre: Vec2) {
+    pub fn learn(&mut self, cells: &FeatureCells, share: &Plane, centre: Vec2) {
         let ready = self.ready(cells, &ExpectedShape { share, centre }, 1.0);
         let at = cells.of_pixel(centre).round();
         self.usual = Some(ready.fit(cells, at.x as isize, at.y as isize));
@@ -324,7 +324,7 @@ fn dilated(values: &[f32], side: usize, reach: usize) -> Vec<f32> {
 }
 
 /// Returns the cells of the image at most `reach` from a position.
-fn within(cells: &Cells, middle: Vec2, reach: f32) -> Vec<(isize, isize)> {
+fn within(cells: &FeatureCells, middle: Vec2, reach: f32) -> Vec<(isize, isize)> {
     let span = |centre: f32, count: usize| {
         let first = (centre - reach).ceil().max(0.0) as isize;
         let last = (centre + reach).floor().min(count as f32 - 1.0) as isize;
@@ -337,7 +337,7 @@ fn within(cells: &Cells, middle: Vec2, reach: f32) -> Vec<(isize, isize)> {
 }
 
 /// Interpolates the features between four cells.
-fn between(cells: &Cells, at: Vec2) -> [f32; FEATURES] {
+fn between(cells: &FeatureCells, at: Vec2) -> [f32; FEATURES] {
     let low = at.floor();
     let (u, v) = (at.x - low.x, at.y - low.y);
     let (x, y) = (low.x as isize, low.y as isize);

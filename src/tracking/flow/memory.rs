@@ -95,7 +95,7 @@ const KNOWN: f32 = 0.95;
 /// This is a space-time memory with given features (after Oh, Lee, Xu, Kim, "Video Object
 /// Segmentation using Space-Time Memory Networks", ICCV 2019).
 #[derive(Debug, Clone, Default)]
-pub(super) struct Memory {
+pub(super) struct FeatureMemory {
     keys: Vec<[f32x8; 8]>,
     /// Share of each key's pixels that have the label, per label.
     shares: Vec<(LabelId, Vec<f32>)>,
@@ -108,7 +108,7 @@ pub(super) struct Recalled {
     odds: Vec<(LabelId, Plane)>,
 }
 
-impl Memory {
+impl FeatureMemory {
     /// Adds the cells of an image with its mask.
     pub fn learn(&mut self, feature_map: &FeatureMap, mask: &LabelMask) {
         let known = self.keys.len();
@@ -243,7 +243,7 @@ mod tests {
         (0..8)
             .flat_map(|y| (0..8).map(move |x| (x, y)))
             .for_each(|(x, y)| mask.ids[y * 31 + x] = LabelId(7));
-        let mut memory = Memory::default();
+        let mut memory = FeatureMemory::default();
         memory.learn(&described([1, 2, 2, 2, 3, 3, 4, 4]), &mask);
         let recalled = memory.recall(&described([2, 2, 2, 1, 3, 3, 9, 4]));
         let odds = recalled.odds(LabelId(7));
@@ -261,7 +261,7 @@ mod tests {
 
     #[test]
     fn label_of_a_second_keyframe_is_added_to_the_memory() {
-        let mut memory = Memory::default();
+        let mut memory = FeatureMemory::default();
         memory.learn(&described([1; 8]), &LabelMask::empty(31, 16));
         let mut mask = LabelMask::empty(31, 16);
         mask.ids.fill(LabelId(2));

@@ -4,7 +4,7 @@ use rand_pcg::Pcg32;
 
 /// A position in one frame and its match in the other.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Step {
+pub(super) struct PointMatch {
     pub from: Vec2,
     pub to: Vec2,
 }
@@ -12,22 +12,22 @@ pub(super) struct Step {
 const TRIES: usize = 120;
 const SEED: u64 = 7;
 
-/// Estimates the similarity transform that most steps agree with, and their share.
+/// Estimates the similarity transform that most matches agree with, and their share.
 ///
-/// A step agrees if its error is below `tolerance_px`. Returns `None` for fewer than two steps.
+/// A match agrees if its error is below `tolerance_px`. Returns `None` for fewer than two matches.
 ///
 /// Method: RANSAC (Fischler, Bolles, "Random sample consensus", CACM 1981), then least squares.
-pub(super) fn similarity(steps: &[Step], tolerance_px: f32) -> Option<(Affine2, f32)> {
-    let inliers = |motion: &Affine2| -> Vec<Step> {
-        let near = |step: &&Step| {
-            motion.transform_point2(step.from).distance_squared(step.to) < tolerance_px.powi(2)
+pub(super) fn similarity(matches: &[PointMatch], tolerance_px: f32) -> Option<(Affine2, f32)> {
+    let inliers = |motion: &Affine2| -> Vec<PointMatch> {
+        let near = |pair: &&PointMatch| {
+            motion.transform_point2(pair.from).distance_squared(pair.to) < tolerance_px.powi(2)
         };
-        steps.iter().filter(near).copied().collect()
+        matches.iter().filter(near).copied().collect()
     };
     let mut dice = Pcg32::new(SEED, 0);
-    let mut best: Vec<Step> = Vec::new();
+    let mut best: Vec<PointMatch> = Vec::new();
     for _ in 0..TRIES {
-        let pair = draw::<2>(steps, &mut dice)?;
+        let pair = draw::<2>(matches, &mut dice)?;
         let agreeing = least_squares_similarity(&pair)
             .map(|motion| inliers(&motion))
             .unwrap_or_default();
@@ -35,20 +35,20 @@ pub(super) fn similarity(steps: &[Step], tolerance_px: f32) -> Option<(Affine2, 
             best = agreeing;
         }
     }
-    let share = best.len() as f32 / steps.len() as f32;
+    let share = best.len() as f32 / matches.len() as f32;
     least_squares_similarity(&best).map(|motion| (motion, share))
 }
 
 /// Fits a similarity transform with Umeyama's closed form in 2-D.
 ///
-/// Returns `None` if all steps start at one position.
-fn least_squares_similarity(steps: &[Step]) -> Option<Affine2> {
-    let count = steps.len() as f32;
-    let from = steps.iter().map(|step| step.from).sum::<Vec2>() / count;
-    let to = steps.iter().map(|step| step.to).sum::<Vec2>() / count;
+/// Returns `None` if all matches start at one position.
+fn least_squares_similarity(matches: &[PointMatch]) -> Option<Affine2> {
+    let count = matches.len() as f32;
+    let from = matches.iter().map(|pair| pair.from).sum::<Vec2>() / count;
+    let to = matches.iter().map(|pair| pair.to).sum::<Vec2>() / count;
     let (mut dot, mut cross, mut spread) = (0.0, 0.0, 0.0);
-    for step in steps {
-        let (a, b) = (step.from - from, step.to - to);
+    for pair in matches {
+        let (a, b) = (pair.from - from, pair.to - to);
         dot += a.dot(b);
         cross += a.perp_dot(b);
         spread += a.length_squared();
@@ -78,20 +78,20 @@ pub(super) struct PlaneMotion {
 const TERMS: usize = 8;
 
 impl PlaneMotion {
-    /// Estimates the motion that most steps agree with to within `tolerance_px`.
+    /// Estimates the motion that most matches agree with to within `tolerance_px`.
     ///
-    /// Uses RANSAC over four steps, then least squares over the inliers. Returns `None` for fewer
-    /// than four steps, or if they do not determine a motion.
-    pub fn of(steps: &[Step], centre: Vec2, tolerance_px: f32) -> Option<Self> {
+    /// Uses RANSAC over four matches, then least squares over the inliers. Returns `None` for fewer
+    /// than four matches, or if they do not determine a motion.
+    pub fn of(matches: &[PointMatch], centre: Vec2, tolerance_px: f32) -> Option<Self> {
         let mut dice = Pcg32::new(SEED, 1);
-        let mut best: Vec<Step> = Vec::new();
-        let fit = |steps: &[Step]| Self::least_squares(steps, centre);
-        let inliers = |motion: &Self| -> Vec<Step> {
-            let near = |step: &&Step| motion.miss(step) < tolerance_px;
-            steps.iter().filter(near).copied().collect()
+        let mut best: Vec<PointMatch> = Vec::new();
+        let fit = |matches: &[PointMatch]| Self::least_squares(matches, centre);
+        let inliers = |motion: &Self| -> Vec<PointMatch> {
+            let near = |pair: &&PointMatch| motion.miss(pair) < tolerance_px;
+            matches.iter().filter(near).copied().collect()
         };
         for _ in 0..TRIES {
-            let agreeing = fit(&draw::<4>(steps, &mut dice)?)
+            let agreeing = fit(&draw::<4>(matches, &mut dice)?)
                 .map(|motion| inliers(&motion))
                 .unwrap_or_default();
             if agreeing.len() > best.len() {
@@ -109,17 +109,17 @@ impl PlaneMotion {
         Vec2::new(dot(&rows[0]), dot(&rows[1]))
     }
 
-    /// Returns the distance in pixels between a step's end and the end this motion predicts.
-    fn miss(&self, step: &Step) -> f32 {
-        (step.from + self.displacement(step.from)).distance(step.to)
+    /// Returns the distance in pixels between a match's end and the end this motion predicts.
+    fn miss(&self, pair: &PointMatch) -> f32 {
+        (pair.from + self.displacement(pair.from)).distance(pair.to)
     }
 
-    fn least_squares(steps: &[Step], centre: Vec2) -> Option<Self> {
+    fn least_squares(matches: &[PointMatch], centre: Vec2) -> Option<Self> {
         let unit_px = centre.max_element().max(1.0);
         let mut normal = [[0.0f64; TERMS + 1]; TERMS];
-        for step in steps {
-            let displacement = step.to - step.from;
-            let rows = rows((step.from - centre) / unit_px);
+        for pair in matches {
+            let displacement = pair.to - pair.from;
+            let rows = rows((pair.from - centre) / unit_px);
             for (row, value) in rows.iter().zip([displacement.x, displacement.y]) {
                 for (line, &a) in normal.iter_mut().zip(row) {
                     for (out, &b) in line.iter_mut().zip(row) {
@@ -173,27 +173,28 @@ fn solved(mut system: [[f64; TERMS + 1]; TERMS]) -> Option<[f64; TERMS]> {
     }))
 }
 
-fn draw<const N: usize>(steps: &[Step], dice: &mut Pcg32) -> Option<[Step; N]> {
-    (steps.len() >= N).then(|| std::array::from_fn(|_| steps[dice.random_range(0..steps.len())]))
+fn draw<const N: usize>(matches: &[PointMatch], dice: &mut Pcg32) -> Option<[PointMatch; N]> {
+    (matches.len() >= N)
+        .then(|| std::array::from_fn(|_| matches[dice.random_range(0..matches.len())]))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn steps(motion: impl Fn(Vec2) -> Vec2) -> Vec<Step> {
+    fn matches(motion: impl Fn(Vec2) -> Vec2) -> Vec<PointMatch> {
         let mut dice = Pcg32::new(1, 2);
-        let step = |at: usize| {
+        let pair = |at: usize| {
             let from = Vec2::new(
                 dice.random_range(0.0..640.0f32),
                 dice.random_range(0.0..360.0f32),
             );
-            // Every third step is an outlier.
+            // Every third match is an outlier.
             let residual = Vec2::new(
                 dice.random_range(-40.0..40.0f32),
                 dice.random_range(-40.0..40.0f32),
             );
-            Step {
+            PointMatch {
                 from,
                 to: if at.is_multiple_of(3) {
                     from + residual
@@ -202,14 +203,15 @@ mod tests {
                 },
             }
         };
-        (0..300).map(step).collect()
+        (0..300).map(pair).collect()
     }
 
     #[test]
     fn similarity_is_recovered_despite_outliers() {
         let truth =
             Affine2::from_scale_angle_translation(Vec2::splat(1.03), 0.05, Vec2::new(4.0, -7.0));
-        let (found, share) = similarity(&steps(|from| truth.transform_point2(from)), 1.0).unwrap();
+        let (found, share) =
+            similarity(&matches(|from| truth.transform_point2(from)), 1.0).unwrap();
         for corner in [Vec2::ZERO, Vec2::new(640.0, 360.0)] {
             assert!(
                 found
@@ -231,7 +233,7 @@ mod tests {
                 1.0 - q.x + 3.0 * q.x * q.y,
             )
         };
-        let found = PlaneMotion::of(&steps(truth), Vec2::new(320.0, 180.0), 0.5).unwrap();
+        let found = PlaneMotion::of(&matches(truth), Vec2::new(320.0, 180.0), 0.5).unwrap();
         for corner in [Vec2::ZERO, Vec2::new(640.0, 0.0), Vec2::new(300.0, 360.0)] {
             assert!((corner + found.displacement(corner)).distance(truth(corner)) < 0.05);
         }

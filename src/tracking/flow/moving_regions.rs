@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use glam::Vec2;
 
-use super::change::Change;
+use super::change::FrameChange;
 use super::dis::Finest;
 use super::options::FlowOptions;
 use super::plane::Plane;
@@ -34,7 +34,7 @@ pub fn moving_apart(
     }
     let size = working_size(mask.width, mask.height, options.most_side);
     let known = explained(&reduced_mask(mask, size));
-    let mut change = Change::new(
+    let mut change = FrameChange::new(
         Arc::new(TrackedImage::new(other, size)),
         Arc::new(TrackedImage::new(image, size)),
         Finest::Half,

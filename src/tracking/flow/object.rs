@@ -1,13 +1,13 @@
 use glam::{Affine2, Vec2};
 
-use super::cells::Cells;
-use super::change::Change;
-use super::locate::{Appearance, ExpectedShape};
-use super::motion::{Step, similarity};
+use super::cells::FeatureCells;
+use super::change::FrameChange;
+use super::locate::{ExpectedShape, ObjectAppearance};
+use super::motion::{PointMatch, similarity};
 use super::options::FlowOptions;
 use super::plane::{Plane, median};
 use super::tracked_image::{ColorModel, TrackedImage};
-use ostra_masks::cut::{Borders, Window};
+use ostra_masks::cut::{Borders, PixelWindow};
 use ostra_masks::{Connectivity, LabelId, Region, components, squared_distance_to};
 
 /// Maximum number of pixels sampled to estimate the object's motion.
@@ -41,7 +41,7 @@ const REAPPEARS: f32 = 0.6;
 const FADE: f32 = 0.05;
 
 /// State of a tracked object.
-pub(super) struct Object {
+pub(super) struct TrackedObject {
     pub id: LabelId,
     mask: Region,
     /// Confidence that each pixel came from the object in the keyframe, 0–1.
@@ -50,7 +50,7 @@ pub(super) struct Object {
     expected: Plane,
     first_colors: ColorModel,
     last_colors: ColorModel,
-    appearance: Appearance,
+    appearance: ObjectAppearance,
     cell_side: usize,
     centre: Vec2,
     /// Latest motion.
@@ -77,10 +77,10 @@ pub(super) struct Prediction {
     pub warped: Plane,
     pub trust: Plane,
     pub expected: Plane,
-    cells: Cells,
+    cells: FeatureCells,
 }
 
-impl Object {
+impl TrackedObject {
     /// Starts tracking the object of a keyframe.
     ///
     /// `region` has the working size and is not empty.
@@ -93,8 +93,8 @@ impl Object {
             .max(extent(&region) / MOST_CELLS);
         let centre = centre_of(&shape, 0.5).unwrap_or(Vec2::ZERO);
         let whole = image.width.max(image.height) as f32;
-        let cells = Cells::new(image, &colors.odds(), cell_side, centre, whole);
-        let appearance = Appearance::new(&cells, &cells.means(&shape), centre);
+        let cells = FeatureCells::new(image, &colors.odds(), cell_side, centre, whole);
+        let appearance = ObjectAppearance::new(&cells, &cells.means(&shape), centre);
         Self {
             id,
             mask: region,
@@ -165,7 +165,7 @@ impl Object {
     }
 
     /// Predicts the object in the next frame, by flow and corrected by its appearance.
-    pub fn predict(&mut self, change: &Change, options: &FlowOptions) -> Prediction {
+    pub fn predict(&mut self, change: &FrameChange, options: &FlowOptions) -> Prediction {
         let (mut motion, zoom) = self.motion_by_flow(change);
         let centre = centre_of(&self.expected, 0.5).unwrap_or(self.centre);
         let wider = (1.0 + SEARCH_GROWTH * self.hidden as f32).min(WIDEST_SEARCH);
@@ -222,7 +222,7 @@ impl Object {
     }
 
     /// Computes the cells needed to search within `reach_px` of a position.
-    fn cells(&self, image: &TrackedImage, place: Vec2, reach_px: f32) -> Cells {
+    fn cells(&self, image: &TrackedImage, place: Vec2, reach_px: f32) -> FeatureCells {
         let (first, last) = self.color_odds();
         let odds: Vec<f32> = first
             .iter()
@@ -230,38 +230,38 @@ impl Object {
             .map(|(first, last)| 0.6 * first + 0.4 * last)
             .collect();
         let appearance = ((self.appearance.radius() + 1) * self.cell_side) as f32;
-        Cells::new(image, &odds, self.cell_side, place, reach_px + appearance)
+        FeatureCells::new(image, &odds, self.cell_side, place, reach_px + appearance)
     }
 
     /// Estimates the object's similarity transform by flow, and its zoom.
     ///
     /// Falls back to the median shift, and to the last motion if too few pixels are reliable.
-    fn motion_by_flow(&mut self, change: &Change) -> (Affine2, f32) {
+    fn motion_by_flow(&mut self, change: &FrameChange) -> (Affine2, f32) {
         let width = change.next.width;
         let own: Vec<usize> = (0..self.mask.inside.len())
             .filter(|&at| self.mask.inside[at])
             .collect();
         let every = own.len().div_ceil(MOST_STEPS).max(1);
-        let steps = own.into_iter().step_by(every).filter_map(|at| {
+        let matches = own.into_iter().step_by(every).filter_map(|at| {
             let from = Vec2::new((at % width) as f32, (at / width) as f32);
             let vector = change.forward.vectors[at];
             let back = change.backward.sample(from + vector);
             let confidence = (vector + back).length() < 1.5 + 0.1 * vector.length();
-            confidence.then_some(Step {
+            confidence.then_some(PointMatch {
                 from,
                 to: from + vector,
             })
         });
-        let steps: Vec<Step> = steps.collect();
+        let matches: Vec<PointMatch> = matches.collect();
         if self.hidden > 0 {
             return (self.motion, 1.0);
         }
-        if steps.len() > 15 {
+        if matches.len() > 15 {
             let shift = Vec2::new(
-                median(steps.iter().map(|step| step.to.x - step.from.x)),
-                median(steps.iter().map(|step| step.to.y - step.from.y)),
+                median(matches.iter().map(|pair| pair.to.x - pair.from.x)),
+                median(matches.iter().map(|pair| pair.to.y - pair.from.y)),
             );
-            let found = similarity(&steps, 3.0)
+            let found = similarity(&matches, 3.0)
                 .filter(|(motion, share)| *share > 0.4 && (zoom(motion) - 1.0).abs() < 0.1);
             self.motion = found.map_or(Affine2::from_translation(shift), |(motion, _)| motion);
         }
@@ -305,7 +305,7 @@ impl Object {
         &self,
         mask: &Region,
         prediction: &Prediction,
-        change: &Change,
+        change: &FrameChange,
         colors: f32,
     ) -> f32 {
         let area = mask.area() as f32;
@@ -362,7 +362,7 @@ impl Object {
         mask: Region,
         prediction: &Prediction,
         evidence: &Evidence,
-        change: &Change,
+        change: &FrameChange,
         options: &FlowOptions,
     ) {
         let image = &change.next;
@@ -474,7 +474,7 @@ fn keep_expected(mask: &mut Region, expected: &Plane, level: f32) {
 
 /// Evidence for and against each pixel of a window belonging to an object.
 pub(super) struct Evidence {
-    pub window: Window,
+    pub window: PixelWindow,
     /// Log-odds, row by row.
     pub odds: Vec<f32>,
     /// Contribution of the motion to the odds, before its weight.

@@ -1,20 +1,20 @@
 use rayon::prelude::*;
 
-use super::change::Change;
+use super::change::FrameChange;
 use super::evidence::{FrameAhead, FrameEvidence, evidence};
-use super::memory::Memory;
-use super::object::{Evidence, Object, Prediction};
+use super::memory::FeatureMemory;
+use super::object::{Evidence, Prediction, TrackedObject};
 use super::options::FlowOptions;
 use super::tracked_image::TrackedImage;
-use crate::propagate::{Answer, shown_labels};
+use crate::propagate::{PassResult, shown_labels};
 use ostra_core::job::{Progress, Stopped};
 use ostra_masks::{LabelId, LabelMask, Region};
 
 /// Objects tracked from a keyframe, frame by frame.
 pub(super) struct TrackedObjects<'a> {
     options: &'a FlowOptions,
-    objects: Vec<Object>,
-    memory: Memory,
+    objects: Vec<TrackedObject>,
+    memory: FeatureMemory,
 }
 
 impl<'a> TrackedObjects<'a> {
@@ -23,12 +23,12 @@ impl<'a> TrackedObjects<'a> {
         let labels: Vec<LabelId> = shown_labels(mask).into_iter().collect();
         let objects = labels
             .into_par_iter()
-            .map(|id| Object::new(id, mask.region(id), image))
+            .map(|id| TrackedObject::new(id, mask.region(id), image))
             .collect();
         let mut tracked = Self {
             options,
             objects,
-            memory: Memory::default(),
+            memory: FeatureMemory::default(),
         };
         tracked.remember(image, mask);
         tracked
@@ -56,16 +56,16 @@ impl<'a> TrackedObjects<'a> {
     /// After an error the objects are in an undefined state.
     pub fn advance(
         &mut self,
-        mut change: Change,
+        mut change: FrameChange,
         beyond: Option<&FrameAhead<'_>>,
         progress: &Progress,
-    ) -> Result<Answer, Stopped> {
+    ) -> Result<PassResult, Stopped> {
         let options = self.options;
         change.find_background(
             &self
                 .objects
                 .iter()
-                .map(Object::expected)
+                .map(TrackedObject::expected)
                 .collect::<Vec<_>>(),
         );
         let recalled = change
@@ -127,7 +127,7 @@ impl<'a> TrackedObjects<'a> {
             .iter()
             .map(|object| (object.id, object.confidence()))
             .collect();
-        Ok(Answer {
+        Ok(PassResult {
             mask,
             confidence,
             known: self.objects.iter().map(|object| object.id).collect(),

@@ -1,7 +1,7 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use super::change::{Change, FlowCache};
+use super::change::{FlowCache, FrameChange};
 use super::dis::Finest;
 use super::evidence::FrameAhead;
 use super::memory::DenseFeatures;
@@ -9,7 +9,7 @@ use super::objects::TrackedObjects;
 use super::options::FlowOptions;
 use super::tracked_image::{ImageCache, TrackedImage, enlarged_mask, reduced_mask, working_size};
 use crate::propagate::{
-    Answer, KeyframeUse, LookAhead, MaskPropagator, PassFrame, Section, propagate,
+    KeyframeUse, LookAhead, MaskPropagator, PassFrame, PassResult, Section, propagate,
 };
 use ostra_core::image::ImageSize;
 use ostra_core::job::Progress;
@@ -67,31 +67,31 @@ struct FlowPropagator<'a> {
     progress: &'a Progress,
     size: ImageSize,
     is_between: bool,
-    changes: Changes<'a>,
+    changes: FlowEstimator<'a>,
     objects: Option<TrackedObjects<'a>>,
     /// Images of the pass's keyframes, kept so that they are not computed again.
     keyframes: Vec<Arc<TrackedImage>>,
     /// Image that the current masks belong to.
     last: Option<Arc<TrackedImage>>,
     /// Flow from `last` to the frames after it, as far as it is measured.
-    measured: VecDeque<Change>,
+    measured: VecDeque<FrameChange>,
     /// Error of the last measurement; reported when the next step is due.
     failed: Option<MaskError>,
 }
 
 /// Measures the optical flow between frames.
-struct Changes<'a> {
+struct FlowEstimator<'a> {
     images: ImageCache<'a>,
     flows: FlowCache,
     finest: Finest,
 }
 
-impl Changes<'_> {
+impl FlowEstimator<'_> {
     fn change_to(
         &mut self,
         last: &Arc<TrackedImage>,
         frame: &PassFrame,
-    ) -> Result<Change, MaskError> {
+    ) -> Result<FrameChange, MaskError> {
         let next = self.images.get(frame)?;
         Ok(self.flows.change(last, &next, self.finest))
     }
@@ -102,7 +102,7 @@ impl Changes<'_> {
         last: &Arc<TrackedImage>,
         ahead: &mut LookAhead<'_, '_>,
         place: usize,
-    ) -> Result<Option<Change>, MaskError> {
+    ) -> Result<Option<FrameChange>, MaskError> {
         let frame = ahead.frame(place)?;
         frame.map(|frame| self.change_to(last, &frame)).transpose()
     }
@@ -132,7 +132,7 @@ impl<'a> FlowPropagator<'a> {
             progress,
             size,
             is_between,
-            changes: Changes {
+            changes: FlowEstimator {
                 images: ImageCache::new(size, tracker.features.as_deref()),
                 flows: FlowCache::keeping(kept_steps),
                 finest,
@@ -151,7 +151,7 @@ impl<'a> FlowPropagator<'a> {
         last: &Arc<TrackedImage>,
         frame: &PassFrame,
         ahead: &mut LookAhead<'_, '_>,
-    ) -> Result<Change, MaskError> {
+    ) -> Result<FrameChange, MaskError> {
         let change = match self.measured.pop_front() {
             Some(change) => change,
             None => self.changes.change_to(last, frame)?,
@@ -166,7 +166,7 @@ impl<'a> FlowPropagator<'a> {
 
 /// Returns the frame ahead with its mask, if that is known; `change` leads to it.
 fn frame_ahead<'c>(
-    change: &'c Change,
+    change: &'c FrameChange,
     ahead: &mut LookAhead<'_, '_>,
 ) -> Result<Option<FrameAhead<'c>>, MaskError> {
     let known = ahead.frame(0)?.and_then(|frame| ahead.mask(frame.index));
@@ -212,7 +212,7 @@ impl MaskPropagator for FlowPropagator<'_> {
         &mut self,
         frame: &PassFrame,
         ahead: &mut LookAhead<'_, '_>,
-    ) -> Result<Answer, MaskError> {
+    ) -> Result<PassResult, MaskError> {
         if let Some(error) = self.failed.take() {
             return Err(error);
         }
@@ -245,14 +245,14 @@ impl MaskPropagator for FlowPropagator<'_> {
         Ok(answer)
     }
 
-    fn merge(&self, first: &Answer, second: &Answer, nearness: f32) -> Answer {
-        let walked = |answer: &Answer| WalkedFrame {
+    fn merge(&self, first: &PassResult, second: &PassResult, nearness: f32) -> PassResult {
+        let walked = |answer: &PassResult| WalkedFrame {
             mask: answer.mask.clone(),
             confidence: answer.confidence.clone(),
         };
         let nearness = nearness / (nearness + SECOND * (1.0 - nearness));
         let WalkedFrame { mask, confidence } = merged(&walked(first), &walked(second), nearness);
-        Answer {
+        PassResult {
             known: confidence.keys().copied().collect(),
             mask,
             confidence,
@@ -260,7 +260,7 @@ impl MaskPropagator for FlowPropagator<'_> {
         }
     }
 
-    fn mask_of_frame(&self, answer: &Answer, width: u32, height: u32) -> LabelMask {
+    fn mask_of_frame(&self, answer: &PassResult, width: u32, height: u32) -> LabelMask {
         enlarged_mask(&answer.mask, width, height)
     }
 }

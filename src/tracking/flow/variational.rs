@@ -32,7 +32,7 @@ pub(super) fn smoothed(from: &Level, to: &Level, flow: &Flow) -> Flow {
         size.framed(|at| flow.vectors[at].y),
     ];
     let mut change = [vec![0.0; start[0].len()], vec![0.0; start[0].len()]];
-    let mut edges = Edges {
+    let mut edges = EdgeWeights {
         across: vec![0.0; start[0].len()],
         down: vec![0.0; start[0].len()],
     };
@@ -156,12 +156,12 @@ impl Slopes {
 }
 
 /// Smoothness weights of the edges to the right and lower neighbour; 0 at the border.
-struct Edges {
+struct EdgeWeights {
     across: Vec<f32>,
     down: Vec<f32>,
 }
 
-impl Edges {
+impl EdgeWeights {
     fn weigh(&mut self, size: Size, start: &[Vec<f32>; 2], change: &[Vec<f32>; 2]) {
         let stride = size.stride();
         for (y, row) in size.rows().enumerate() {
@@ -234,7 +234,7 @@ impl System {
         &mut self,
         size: Size,
         s: &Slopes,
-        edges: &Edges,
+        edges: &EdgeWeights,
         start: &[Vec<f32>; 2],
         change: &[Vec<f32>; 2],
     ) {
@@ -270,11 +270,11 @@ impl System {
     }
 
     /// Half a sweep: updates the pixels of one colour.
-    fn relax(&self, size: Size, edges: &Edges, change: &mut [Vec<f32>; 2], colour: usize) {
+    fn relax(&self, size: Size, edges: &EdgeWeights, change: &mut [Vec<f32>; 2], colour: usize) {
         let [us, vs] = change;
         for (y, first) in size.rows().enumerate() {
             let here = first..first + size.width;
-            let row = |component: usize| Row {
+            let row = |component: usize| RowEquations {
                 xy: &self.xy[here.clone()],
                 inverse: &self.inverse[component][here.clone()],
                 right: &self.right[component][here.clone()],
@@ -295,14 +295,14 @@ struct Ties<'a> {
 }
 
 /// Equations of one row in one component of the increment.
-struct Row<'a> {
+struct RowEquations<'a> {
     xy: &'a [f32],
     inverse: &'a [f32],
     right: &'a [f32],
     ties: Ties<'a>,
 }
 
-impl Row<'_> {
+impl RowEquations<'_> {
     /// Updates every other pixel from `start` on.
     ///
     /// The row's first pixel has index `first` in the bordered plane.

@@ -15,7 +15,7 @@ use wide::f32x8;
 
 use super::plane::{Flow, Plane, corners};
 use super::tracked_image::TrackedImage;
-use ostra_masks::cut::Window;
+use ostra_masks::cut::PixelWindow;
 
 /// Half width of a patch: pixels from its centre to its side.
 const HALF: usize = 2;
@@ -37,7 +37,7 @@ const BAND: usize = 16;
 const LANES: usize = 8;
 
 /// An image with a known mask, and where to search in it.
-pub(super) struct Source<'a> {
+pub(super) struct VoteSource<'a> {
     pub image: &'a TrackedImage,
     /// Degree to which each pixel belongs to the object, 0–1.
     pub share: &'a Plane,
@@ -89,19 +89,23 @@ impl Vote {
 ///
 /// Method: Rousseau, Habas, Studholme, "A supervised patch-based approach for human brain
 /// labeling", IEEE Transactions on Medical Imaging, 2011.
-pub(super) fn votes(image: &TrackedImage, window: Window, sources: &[Source<'_>]) -> Vec<Vote> {
+pub(super) fn votes(
+    image: &TrackedImage,
+    window: PixelWindow,
+    sources: &[VoteSource<'_>],
+) -> Vec<Vote> {
     let (width, height) = (window.width().next_multiple_of(LANES), window.height());
-    let target = Planes::of(image, window, HALF, Displacement::Motion(Affine2::IDENTITY));
-    let seen: Vec<Planes<4>> = sources
+    let target = WindowPlanes::of(image, window, HALF, Displacement::Motion(Affine2::IDENTITY));
+    let seen: Vec<WindowPlanes<4>> = sources
         .iter()
-        .map(|source| Planes::of_source(source, window))
+        .map(|source| WindowPlanes::of_source(source, window))
         .collect();
     let (mut shares, mut weights) = (vec![0.0f32; width * height], vec![0.0f32; width * height]);
     let bands = shares
         .par_chunks_mut(width * BAND)
         .zip(weights.par_chunks_mut(width * BAND));
     bands.enumerate().for_each(|(band, (shares, weights))| {
-        let mut work = Work::new(width, shares, weights);
+        let mut work = PatchSums::new(width, shares, weights);
         for (source, seen) in sources.iter().zip(&seen) {
             work.add(source, &target, seen, band * BAND);
         }
@@ -117,21 +121,21 @@ pub(super) fn votes(image: &TrackedImage, window: Window, sources: &[Source<'_>]
 }
 
 /// Planes of a window with a margin: L, a, b and, for a source, the object's share.
-struct Planes<const N: usize> {
+struct WindowPlanes<const N: usize> {
     width: usize,
     values: [Vec<f32>; N],
 }
 
-impl Planes<3> {
+impl WindowPlanes<3> {
     /// Samples an image at the pixels of a window and its margin.
-    fn of(image: &TrackedImage, window: Window, margin: usize, way: Displacement<'_>) -> Self {
+    fn of(image: &TrackedImage, window: PixelWindow, margin: usize, way: Displacement<'_>) -> Self {
         Self::seen(image, window, margin, way, |at| weighed(image.lab[at]))
     }
 }
 
-impl Planes<4> {
+impl WindowPlanes<4> {
     /// Samples a source as far as it is searched.
-    fn of_source(source: &Source<'_>, window: Window) -> Self {
+    fn of_source(source: &VoteSource<'_>, window: PixelWindow) -> Self {
         Self::seen(
             source.image,
             window,
@@ -145,10 +149,10 @@ impl Planes<4> {
     }
 }
 
-impl<const N: usize> Planes<N> {
+impl<const N: usize> WindowPlanes<N> {
     fn seen(
         image: &TrackedImage,
-        window: Window,
+        window: PixelWindow,
         margin: usize,
         way: Displacement<'_>,
         values: impl Fn(usize) -> [f32; N] + Sync,
@@ -189,7 +193,7 @@ fn weighed([l, a, b]: [f32; 3]) -> [f32; 3] {
 }
 
 /// Sums of a band of rows, and scratch buffers.
-struct Work<'a> {
+struct PatchSums<'a> {
     width: usize,
     shares: &'a mut [f32],
     weights: &'a mut [f32],
@@ -198,7 +202,7 @@ struct Work<'a> {
     column: Vec<f32>,
 }
 
-impl<'a> Work<'a> {
+impl<'a> PatchSums<'a> {
     fn new(width: usize, shares: &'a mut [f32], weights: &'a mut [f32]) -> Self {
         let (wide, rows) = (width + 2 * HALF, shares.len() / width);
         Self {
@@ -211,7 +215,13 @@ impl<'a> Work<'a> {
     }
 
     /// Adds the patches of a source to the rows from `top` on.
-    fn add(&mut self, source: &Source<'_>, target: &Planes<3>, seen: &Planes<4>, top: usize) {
+    fn add(
+        &mut self,
+        source: &VoteSource<'_>,
+        target: &WindowPlanes<3>,
+        seen: &WindowPlanes<4>,
+        top: usize,
+    ) {
         let (reach, weight) = (source.reach, source.weight);
         let spread = NEAR * reach.max(1) as f32;
         for dy in 0..=2 * reach {
@@ -225,7 +235,14 @@ impl<'a> Work<'a> {
     }
 
     /// Computes squared differences to the pixels `dx` columns and `dy` rows further on.
-    fn compare(&mut self, target: &Planes<3>, seen: &Planes<4>, top: usize, dx: usize, dy: usize) {
+    fn compare(
+        &mut self,
+        target: &WindowPlanes<3>,
+        seen: &WindowPlanes<4>,
+        top: usize,
+        dx: usize,
+        dy: usize,
+    ) {
         let wide = self.width + 2 * HALF;
         for (y, out) in self.differences.chunks_exact_mut(wide).enumerate() {
             let [l, a, b] = [0, 1, 2].map(|channel| &target.row(channel, 0, top + y)[..wide]);
@@ -241,7 +258,7 @@ impl<'a> Work<'a> {
     /// Adds the weights and weighted shares of the patches at offset (`dx`, `dy`).
     ///
     /// `gain` is the log-weight of an identical patch.
-    fn weigh(&mut self, seen: &Planes<4>, top: usize, dx: usize, dy: usize, gain: f32) {
+    fn weigh(&mut self, seen: &WindowPlanes<4>, top: usize, dx: usize, dy: usize, gain: f32) {
         let wide = self.width + 2 * HALF;
         let scale = f32x8::splat(-1.0 / (2.0 * SPREAD * SPREAD * BELL_SUM * BELL_SUM));
         let gain = f32x8::splat(gain);
@@ -286,7 +303,7 @@ mod tests {
 
     const WIDTH: usize = 45;
     const HEIGHT: usize = 35;
-    const WHOLE: Window = Window {
+    const WHOLE: PixelWindow = PixelWindow {
         left: 0,
         top: 0,
         right: WIDTH,
@@ -322,8 +339,8 @@ mod tests {
         Plane::from_fn(WIDTH, HEIGHT, |x, _| f32::from(u8::from(inside(x))))
     }
 
-    fn source<'a>(image: &'a TrackedImage, share: &'a Plane, reach: usize) -> Source<'a> {
-        Source {
+    fn source<'a>(image: &'a TrackedImage, share: &'a Plane, reach: usize) -> VoteSource<'a> {
+        VoteSource {
             image,
             share,
             way: Displacement::Motion(Affine2::IDENTITY),
@@ -366,7 +383,7 @@ mod tests {
             height: HEIGHT,
             vectors: vec![Vec2::new(-9.0, 0.0); WIDTH * HEIGHT],
         };
-        let sources = [Source {
+        let sources = [VoteSource {
             way: Displacement::Flow(&flow),
             ..source(&before, &share, 1)
         }];
@@ -402,7 +419,7 @@ mod tests {
         let (before, now) = (image(18, false), image(21, false));
         let share = share(Some(18));
         let whole = votes(&now, WHOLE, &[source(&before, &share, 3)]);
-        let part = Window {
+        let part = PixelWindow {
             left: 14,
             top: 9,
             right: 33,

@@ -74,7 +74,7 @@ pub fn check_mask(
     transferred: impl FnOnce() -> Result<Option<LabelMask>, MaskError>,
 ) -> Result<CheckedMask, MaskError> {
     let observed = judge(evidence, &tracked.mask, options);
-    let found = Conflicts::find(&tracked.mask, &observed, options);
+    let found = MaskConflicts::find(&tracked.mask, &observed, options);
     if found.touched.is_empty() {
         return Ok(CheckedMask::untouched(tracked));
     }
@@ -109,7 +109,7 @@ fn complete(
     mask: &mut LabelMask,
     transferred: &LabelMask,
     observed: &ObservedLabels,
-    found: &Conflicts,
+    found: &MaskConflicts,
 ) {
     for ((id, &transferred), verdict) in mask
         .ids
@@ -210,7 +210,7 @@ fn moved(
 }
 
 /// Pixels where geometry contradicts a mask, except for small border differences.
-struct Conflicts {
+struct MaskConflicts {
     /// Label that geometry assigns to each contradicted pixel, 0 = none; `None` elsewhere.
     pub given: Vec<Option<LabelId>>,
     /// Labels that lost or gained pixels.
@@ -222,16 +222,16 @@ struct Conflicts {
 }
 
 /// A label in a mask, and the different label of geometry at the same pixel.
-type Pair = (LabelId, LabelId);
+type LabelPair = (LabelId, LabelId);
 
-impl Conflicts {
+impl MaskConflicts {
     pub fn find(mask: &LabelMask, observed: &ObservedLabels, options: &ConsistencyOptions) -> Self {
         let is_core: Vec<bool> = (0..mask.ids.len())
             .into_par_iter()
             .map(|at| is_beyond_borders(mask, observed, at, options.border_px))
             .collect();
         let pair = |at: usize| Some((mask.ids[at], observed.labels[at]?));
-        let mut cores: BTreeMap<Pair, usize> = BTreeMap::new();
+        let mut cores: BTreeMap<LabelPair, usize> = BTreeMap::new();
         (0..is_core.len())
             .filter(|&at| is_core[at])
             .filter_map(pair)
@@ -297,7 +297,7 @@ fn is_beyond_borders(
 fn drifted(
     mask: &LabelMask,
     observed: &ObservedLabels,
-    cores: &BTreeMap<Pair, usize>,
+    cores: &BTreeMap<LabelPair, usize>,
     options: &ConsistencyOptions,
 ) -> BTreeMap<LabelId, LabelId> {
     let mut agreed: BTreeMap<LabelId, usize> = BTreeMap::new();
@@ -341,7 +341,7 @@ fn spread(
     mask: &mut LabelMask,
     tracked: &LabelMask,
     observed: &ObservedLabels,
-    found: &Conflicts,
+    found: &MaskConflicts,
     options: &ConsistencyOptions,
 ) {
     let (width, count) = (mask.width as usize, mask.ids.len());

@@ -42,7 +42,7 @@ pub struct CheckedPass<'a> {
 }
 
 /// Result of a pass for one frame.
-pub struct Answer {
+pub struct CheckedFrame {
     pub frame: usize,
     pub walked: WalkedFrame,
     /// Frames since the last start, at a keyframe or a corrected mask.
@@ -50,10 +50,10 @@ pub struct Answer {
 }
 
 /// Receives the results of a pass.
-pub type Found<'a> = dyn FnMut(Answer) -> Result<(), Stopped> + 'a;
+pub type FrameSink<'a> = dyn FnMut(CheckedFrame) -> Result<(), Stopped> + 'a;
 
 /// How a run of the tracker ended.
-enum End {
+enum RunEnd {
     /// It was stopped at this frame, to restart from this mask.
     Seed(usize, LabelMask),
     /// It finished, with these warnings.
@@ -96,12 +96,12 @@ impl<'a> CheckedPass<'a> {
     pub fn follow(
         mut self,
         report: &mut ConsistencyReport,
-        found: &mut Found<'_>,
+        sink: &mut FrameSink<'_>,
     ) -> Result<Vec<String>, MaskError> {
         loop {
-            match self.stretch(report, found) {
-                Ok(End::Seed(frame, mask)) => self.seed(frame, mask, report),
-                Ok(End::Through(warnings)) => return Ok(warnings),
+            match self.stretch(report, sink) {
+                Ok(RunEnd::Seed(frame, mask)) => self.seed(frame, mask, report),
+                Ok(RunEnd::Through(warnings)) => return Ok(warnings),
                 Err(error) if self.seeded.is_none() || matches!(error, MaskError::Stopped(_)) => {
                     return Err(error);
                 }
@@ -124,13 +124,13 @@ impl<'a> CheckedPass<'a> {
     fn stretch(
         &mut self,
         report: &mut ConsistencyReport,
-        found: &mut Found<'_>,
-    ) -> Result<End, MaskError> {
+        sink: &mut FrameSink<'_>,
+    ) -> Result<RunEnd, MaskError> {
         let (tracker, request, part) = (self.tracker, self.request.clone(), self.progress.part());
-        let mut taken: Result<Option<End>, MaskError> = Ok(None);
+        let mut taken: Result<Option<RunEnd>, MaskError> = Ok(None);
         let mut emit = |tracked: TrackedFrame| {
             if matches!(taken, Ok(None)) {
-                taken = self.take(tracked, report, found);
+                taken = self.take(tracked, report, sink);
             }
             if !matches!(taken, Ok(None)) {
                 part.stop();
@@ -139,7 +139,7 @@ impl<'a> CheckedPass<'a> {
         let ended = tracker.track(&request, &mut emit, &part);
         match taken? {
             Some(seed) => Ok(seed),
-            None => ended.map(End::Through),
+            None => ended.map(RunEnd::Through),
         }
     }
 
@@ -147,8 +147,8 @@ impl<'a> CheckedPass<'a> {
         &mut self,
         tracked: TrackedFrame,
         report: &mut ConsistencyReport,
-        found: &mut Found<'_>,
-    ) -> Result<Option<End>, MaskError> {
+        sink: &mut FrameSink<'_>,
+    ) -> Result<Option<RunEnd>, MaskError> {
         let TrackedFrame {
             frame,
             mask,
@@ -178,8 +178,8 @@ impl<'a> CheckedPass<'a> {
             .seeded
             .is_none_or(|last| last.abs_diff(frame) > self.options.rest);
         let restarts = held.has_drifted && is_rested && !self.pending.is_empty();
-        let seed = restarts.then(|| End::Seed(frame, held.walked.mask.clone()));
-        found(Answer {
+        let seed = restarts.then(|| RunEnd::Seed(frame, held.walked.mask.clone()));
+        sink(CheckedFrame {
             frame,
             walked: held.walked,
             steps,

@@ -2,7 +2,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::check_mask::ConsistencyOptions;
-use super::checked_pass::{Answer, CheckedPass, ConsistencyReport, Found, Geometry};
+use super::checked_pass::{CheckedFrame, CheckedPass, ConsistencyReport, FrameSink, Geometry};
 use crate::reprojection::{DepthViews, KeyframeViews};
 use ostra_core::job::{Progress, Stopped};
 use ostra_masks::{
@@ -56,7 +56,7 @@ impl Tracker for ConsistencyTracker {
             keyframe_views: &keyframe_views,
             options: &self.options,
         };
-        let mut lines = Run {
+        let mut lines = ConsistencyRun {
             tracker: &*self.tracker,
             request,
             geometry,
@@ -115,7 +115,7 @@ fn check(request: &TrackRequest, keyframe_views: &KeyframeViews<'_>) -> Result<(
 }
 
 /// A tracking run of one or two passes; frames of both passes are merged.
-pub struct Run<'a> {
+pub struct ConsistencyRun<'a> {
     pub tracker: &'a dyn Tracker,
     pub request: &'a TrackRequest,
     pub geometry: Geometry<'a>,
@@ -123,13 +123,13 @@ pub struct Run<'a> {
 }
 
 /// A mask of the forward pass, kept for the backward pass.
-struct Kept {
+struct KeptMask {
     runs: RunMask,
     confidence: BTreeMap<LabelId, f32>,
     steps: usize,
 }
 
-impl Run<'_> {
+impl ConsistencyRun<'_> {
     /// Runs the passes; returns the report of the check and the tracker's warnings.
     pub fn track(&self, emit: &mut dyn FnMut(TrackedFrame)) -> Result<Vec<String>, MaskError> {
         let (forward, backward) = (
@@ -138,7 +138,7 @@ impl Run<'_> {
         );
         let total = forward.len() + backward.len();
         let (mut report, mut done) = (ConsistencyReport::default(), 0);
-        let mut kept: BTreeMap<usize, Kept> = BTreeMap::new();
+        let mut kept: BTreeMap<usize, KeptMask> = BTreeMap::new();
         let mut hand_on =
             |frame: usize, walked: WalkedFrame, preliminary: bool| -> Result<(), Stopped> {
                 emit(TrackedFrame {
@@ -154,7 +154,7 @@ impl Run<'_> {
             Direction::Forward,
             &forward,
             &mut report,
-            &mut |Answer {
+            &mut |CheckedFrame {
                       frame,
                       walked,
                       steps,
@@ -163,7 +163,7 @@ impl Run<'_> {
                     let runs = RunMask::encode(&walked.mask);
                     kept.insert(
                         frame,
-                        Kept {
+                        KeptMask {
                             runs,
                             confidence: walked.confidence.clone(),
                             steps,
@@ -178,7 +178,7 @@ impl Run<'_> {
             Direction::Backward,
             &backward,
             &mut report,
-            &mut |Answer {
+            &mut |CheckedFrame {
                       frame,
                       walked,
                       steps,
@@ -191,7 +191,7 @@ impl Run<'_> {
         // Frames that the backward pass did not reach.
         for (
             frame,
-            Kept {
+            KeptMask {
                 runs, confidence, ..
             },
         ) in kept
@@ -238,7 +238,7 @@ impl Run<'_> {
         way: Direction,
         targets: &BTreeSet<usize>,
         report: &mut ConsistencyReport,
-        found: &mut Found<'_>,
+        sink: &mut FrameSink<'_>,
     ) -> Result<Vec<String>, MaskError> {
         if targets.is_empty() {
             return Ok(Vec::new());
@@ -254,7 +254,7 @@ impl Run<'_> {
             self.geometry,
             self.progress,
         )
-        .follow(report, found)
+        .follow(report, sink)
     }
 }
 
@@ -268,7 +268,7 @@ fn unless_stopped(
     }
 }
 
-impl Kept {
+impl KeptMask {
     /// Merges this mask with that of the other pass, `steps` after its start.
     fn met_by(self, other: &WalkedFrame, steps: usize) -> WalkedFrame {
         let nearness = steps as f32 / (steps + self.steps) as f32;

@@ -1,7 +1,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::answer::{Answer, KeptAnswer, shown_labels};
 use super::frames::{FrameReader, KnownMasks, LookAhead, PassFrame, Upcoming};
+use super::pass_result::{KeptResult, PassResult, shown_labels};
 use super::plan::{KeyframeUse, Pass, PropagationPlan, Section};
 use ostra_core::job::Progress;
 use ostra_masks::{Direction, LabelMask, MaskError, TrackRequest, TrackedFrame};
@@ -32,17 +32,17 @@ pub(crate) trait MaskPropagator {
         &mut self,
         frame: &PassFrame,
         ahead: &mut LookAhead<'_, '_>,
-    ) -> Result<Answer, MaskError>;
+    ) -> Result<PassResult, MaskError>;
 
     /// Merges the results of the forward pass (`first`) and the backward pass.
     ///
     /// `nearness` is 1 at the keyframe of the forward pass and 0 at the other.
-    fn merge(&self, first: &Answer, second: &Answer, nearness: f32) -> Answer {
+    fn merge(&self, first: &PassResult, second: &PassResult, nearness: f32) -> PassResult {
         first.merged(second, nearness)
     }
 
     /// Returns the mask of a result at the size of the frame's image.
-    fn mask_of_frame(&self, answer: &Answer, _width: u32, _height: u32) -> LabelMask {
+    fn mask_of_frame(&self, answer: &PassResult, _width: u32, _height: u32) -> LabelMask {
         answer.mask.clone()
     }
 }
@@ -66,7 +66,7 @@ pub(crate) fn propagate(
     progress.stage("track")?;
     request.check()?;
     let plan = PropagationPlan::new(request, keyframe_use)?;
-    let mut run = Run {
+    let mut run = PropagationRun {
         request,
         emit,
         progress,
@@ -88,7 +88,7 @@ pub(crate) fn propagate(
     Ok(run.reader.warnings(&missed, &plan.other_sizes))
 }
 
-struct Run<'a> {
+struct PropagationRun<'a> {
     request: &'a TrackRequest,
     emit: &'a mut dyn FnMut(TrackedFrame),
     progress: &'a Progress,
@@ -104,10 +104,10 @@ struct SectionRun<'s> {
     section: &'s Section,
     engine: &'s mut dyn MaskPropagator,
     /// Results of the forward pass, by frame, until the backward pass reaches them.
-    kept: BTreeMap<usize, KeptAnswer>,
+    kept: BTreeMap<usize, KeptResult>,
 }
 
-impl Run<'_> {
+impl PropagationRun<'_> {
     /// Runs the engine forward, then backward.
     ///
     /// Results of the first pass are emitted at once, and again when the second pass has reached
@@ -201,7 +201,7 @@ impl Run<'_> {
         run: &mut SectionRun<'_>,
         direction: Direction,
         frame: usize,
-        answer: Answer,
+        answer: PassResult,
     ) {
         let section = run.section;
         let is_target = section.pass(direction).targets.contains(&frame);
@@ -223,7 +223,7 @@ impl Run<'_> {
             self.hand_on(run.engine, frame, &answer, is_met);
         }
         if is_met || section.backward.beyond == Some(frame) {
-            run.kept.insert(frame, KeptAnswer::new(answer));
+            run.kept.insert(frame, KeptResult::new(answer));
         }
     }
 
@@ -231,7 +231,7 @@ impl Run<'_> {
         &mut self,
         engine: &dyn MaskPropagator,
         frame: usize,
-        answer: &Answer,
+        answer: &PassResult,
         preliminary: bool,
     ) {
         let of = &self.request.frames[frame];

@@ -1,7 +1,7 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
-use super::answer::KeptAnswer;
+use super::pass_result::KeptResult;
 use super::plan::{KeyframeInterval, Pass, Section};
 use ostra_core::job::{Progress, Stopped};
 use ostra_frames::{FrameError, Image};
@@ -191,7 +191,7 @@ impl Upcoming {
 pub(super) struct KnownMasks<'a> {
     pub section: &'a Section,
     pub pass: &'a Pass,
-    pub kept: &'a BTreeMap<usize, KeptAnswer>,
+    pub kept: &'a BTreeMap<usize, KeptResult>,
 }
 
 /// Mask of a frame ahead.
@@ -207,7 +207,7 @@ impl KnownMasks<'_> {
         if self.pass.far_keyframe == Some(frame) {
             return Some(LabelMask::clone(&self.section.keyframes[&frame]));
         }
-        self.kept.get(&frame).map(KeptAnswer::mask)
+        self.kept.get(&frame).map(KeptResult::mask)
     }
 }
 

@@ -6,14 +6,14 @@
 //! reports progress and stops when the user asks. An engine only propagates masks from one frame to
 //! the next.
 
-mod answer;
 mod driver;
 mod frames;
+mod pass_result;
 mod plan;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use answer::{Answer, LabelProbabilities, most_probable, shown_labels};
 pub(crate) use driver::{MaskPropagator, propagate};
 pub(crate) use frames::{LookAhead, PassFrame};
+pub(crate) use pass_result::{LabelProbabilities, PassResult, most_probable, shown_labels};
 pub(crate) use plan::{KeyframeUse, Section};

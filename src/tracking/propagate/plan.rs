@@ -1,7 +1,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use super::answer::shown_labels;
+use super::pass_result::shown_labels;
 use ostra_masks::{Direction, LabelId, LabelMask, MaskError, TrackRequest};
 
 /// How an engine uses the keyframes of a request.

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::{
-    Answer, KeyframeUse, LabelProbabilities, LookAhead, MaskPropagator, PassFrame, Section,
+    KeyframeUse, LabelProbabilities, LookAhead, MaskPropagator, PassFrame, PassResult, Section,
     propagate, shown_labels,
 };
 use ostra_core::job::Progress;
@@ -51,7 +51,7 @@ impl MaskPropagator for Still<'_> {
         &mut self,
         frame: &PassFrame,
         _ahead: &mut LookAhead<'_, '_>,
-    ) -> Result<Answer, MaskError> {
+    ) -> Result<PassResult, MaskError> {
         let image: &Image = &frame.image;
         self.requested
             .borrow_mut()
@@ -67,7 +67,7 @@ impl MaskPropagator for Still<'_> {
                 .map_or(0, |place| 1 + place);
             probabilities[there * area + at] = CONFIDENT;
         }
-        Ok(Answer::most_probable(LabelProbabilities {
+        Ok(PassResult::most_probable(LabelProbabilities {
             labels: self.known.keys().copied().collect(),
             width: image.width as usize,
             height: image.height as usize,

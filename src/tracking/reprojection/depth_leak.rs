@@ -31,7 +31,7 @@ struct Limits {
 }
 
 /// Pixels of one label that form one surface.
-struct Patch {
+struct SurfacePatch {
     label: LabelId,
     around: PixelBox,
     depth: f32,
@@ -57,14 +57,14 @@ impl DepthLeak {
         let limits = Limits { tolerance, focal };
         let patches = patches(view, mask, &limits);
         let mut shown = vec![0.0; mask.ids.len()];
-        let (front, uncertain): (Vec<&Patch>, Vec<&Patch>) =
+        let (front, uncertain): (Vec<&SurfacePatch>, Vec<&SurfacePatch>) =
             patches.iter().partition(|patch| patch.fronts > patch.leaks);
         for patch in uncertain
             .into_iter()
             .filter(|patch| patch.pixels.len() <= HALF_WIDTH * patch.leaks)
         {
             let around = patch.around.grown(REACH, view.width(), view.height());
-            let stands_before = |other: &&Patch| {
+            let stands_before = |other: &&SurfacePatch| {
                 other.label == patch.label
                     && other.depth < patch.depth - limits.jump(patch.depth, 1)
                     && other.around.meets(&around)
@@ -102,7 +102,7 @@ impl DepthLeak {
     }
 }
 
-fn patches(view: &DepthView, mask: &LabelMask, limits: &Limits) -> Vec<Patch> {
+fn patches(view: &DepthView, mask: &LabelMask, limits: &Limits) -> Vec<SurfacePatch> {
     let depths = &view.depth.depths;
     let mut seen = vec![false; depths.len()];
     let mut patches = Vec::new();
@@ -121,10 +121,10 @@ fn patch(
     limits: &Limits,
     start: usize,
     seen: &mut [bool],
-) -> Patch {
+) -> SurfacePatch {
     let (width, depths, label) = (view.width(), &view.depth.depths, mask.ids[start]);
     let around = PixelBox::pixel(start % width, start / width);
-    let mut patch = Patch {
+    let mut patch = SurfacePatch {
         label,
         around,
         depth: 0.0,
@@ -181,7 +181,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::reprojection::depth_view::PosedCamera;
+    use crate::reprojection::depth_view::CalibratedView;
     use ostra_geometry::{Camera, Pose};
 
     /// A leaf of 30 × 4 pixels at depth 1 in front of a wall at depth 2.
@@ -207,7 +207,7 @@ mod tests {
         (0..width * height)
             .filter(|&at| is_leaf(at))
             .for_each(|at| mask.ids[at] = LabelId(3));
-        let posed = PosedCamera {
+        let posed = CalibratedView {
             camera: Camera::pinhole(60, 20, [60.0, 60.0], [30.0, 10.0]),
             camera_from_world: Pose::IDENTITY,
         };

@@ -11,7 +11,7 @@ use ostra_masks::MaskError;
 
 /// Camera and pose of a frame.
 #[derive(Debug, Clone, Copy)]
-pub struct PosedCamera {
+pub struct CalibratedView {
     pub camera: Camera,
     pub camera_from_world: Pose,
 }
@@ -19,7 +19,7 @@ pub struct PosedCamera {
 /// A frame's camera and depth, with the ray of every pixel.
 #[derive(Debug, Clone)]
 pub struct DepthView {
-    pub posed: PosedCamera,
+    pub posed: CalibratedView,
     pub depth: Arc<DepthMap>,
     /// Intersection of each pixel's ray with the plane z = 1, row by row.
     pub rays: Arc<Vec<Vec2>>,
@@ -86,7 +86,7 @@ enum Lens {
 }
 
 impl Reprojection {
-    pub fn new(from: &PosedCamera, to: &PosedCamera) -> Self {
+    pub fn new(from: &CalibratedView, to: &CalibratedView) -> Self {
         let pose = to
             .camera_from_world
             .compose(&from.camera_from_world.inverse());
@@ -158,22 +158,22 @@ impl<'a> DepthViews<'a> {
     }
 
     /// Returns camera and pose of a frame that also has depth; `None` if one is missing.
-    pub fn posed_camera(&self, frame: usize) -> Option<PosedCamera> {
+    pub fn calibrated_view(&self, frame: usize) -> Option<CalibratedView> {
         let frame = &self.frames[frame];
         frame.depth.as_ref()?;
         let (&camera, &camera_from_world) = frame.posed_camera()?;
-        Some(PosedCamera {
+        Some(CalibratedView {
             camera,
             camera_from_world,
         })
     }
 
     /// Returns all frames that have depth and a camera.
-    pub fn posed_cameras(&self) -> impl Iterator<Item = (usize, PosedCamera)> {
-        (0..self.frames.len()).filter_map(|frame| Some((frame, self.posed_camera(frame)?)))
+    pub fn calibrated_views(&self) -> impl Iterator<Item = (usize, CalibratedView)> {
+        (0..self.frames.len()).filter_map(|frame| Some((frame, self.calibrated_view(frame)?)))
     }
 
-    /// Loads the depth of a frame that has a [`Self::posed_camera`]; `None` if unreadable.
+    /// Loads the depth of a frame that has a [`Self::calibrated_view`]; `None` if unreadable.
     ///
     /// # Errors
     /// [`MaskError::Request`] if camera or depth and image differ in size, or
@@ -183,7 +183,7 @@ impl<'a> DepthViews<'a> {
         let Some(depth) = self.noted(frame, self.store.depth(of))? else {
             return Ok(None);
         };
-        let (Some(posed), Some(depth)) = (self.posed_camera(frame), depth) else {
+        let (Some(posed), Some(depth)) = (self.calibrated_view(frame), depth) else {
             return Err(MaskError::Request(format!(
                 "{} has no depth or no camera",
                 of.name

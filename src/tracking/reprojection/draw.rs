@@ -136,7 +136,7 @@ fn fill(
 ///
 /// A hole is filled where two frames agree, or where only one frame sees it.
 #[derive(Debug)]
-pub struct Completion<'a> {
+pub struct DepthCompletion<'a> {
     view: &'a DepthView,
     tolerance: Tolerance,
     /// Pixels without depth, ascending.
@@ -145,7 +145,7 @@ pub struct Completion<'a> {
     drawn: Vec<Vec<f32>>,
 }
 
-impl<'a> Completion<'a> {
+impl<'a> DepthCompletion<'a> {
     pub fn new(view: &'a DepthView, tolerance: Tolerance) -> Self {
         let depths = view.depth.depths.iter().zip(0..);
         let holes: Vec<u32> = depths

@@ -4,8 +4,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use glam::Vec3;
 
 use super::depth_leak::DepthLeak;
-use super::depth_view::{DepthView, DepthViews, PosedCamera, Reprojection};
-use super::draw::Completion;
+use super::depth_view::{CalibratedView, DepthView, DepthViews, Reprojection};
+use super::draw::DepthCompletion;
 use super::options::{ReprojectionOptions, Tolerance};
 use ostra_core::job::Progress;
 use ostra_frames::DepthMap;
@@ -157,7 +157,7 @@ fn facing(view: &DepthView, at: usize) -> f32 {
 #[derive(Debug)]
 pub struct GivenKeyframe<'a> {
     pub frame: usize,
-    pub posed: PosedCamera,
+    pub posed: CalibratedView,
     /// Labels of its mask, ascending.
     pub labels: Vec<LabelId>,
     pub mask: &'a Arc<LabelMask>,
@@ -166,7 +166,7 @@ pub struct GivenKeyframe<'a> {
 /// Approximate memory limit of prepared keyframes, in bytes.
 const BUDGET_BYTES: usize = 192 << 20;
 
-type Slot = Arc<Mutex<Option<Arc<Keyframe>>>>;
+type KeyframeSlot = Arc<Mutex<Option<Arc<Keyframe>>>>;
 
 /// Cache of the latest prepared keyframes.
 ///
@@ -175,7 +175,7 @@ type Slot = Arc<Mutex<Option<Arc<Keyframe>>>>;
 pub struct KeyframeCache<'a> {
     views: &'a DepthViews<'a>,
     options: &'a ReprojectionOptions,
-    slots: Mutex<(BTreeMap<usize, Slot>, VecDeque<usize>)>,
+    slots: Mutex<(BTreeMap<usize, KeyframeSlot>, VecDeque<usize>)>,
 }
 
 impl<'a> KeyframeCache<'a> {
@@ -204,7 +204,7 @@ impl<'a> KeyframeCache<'a> {
     }
 
     /// Returns the slot of a keyframe; a new one replaces the oldest.
-    fn slot(&self, frame: usize, pixels: usize) -> Slot {
+    fn slot(&self, frame: usize, pixels: usize) -> KeyframeSlot {
         let mut slots = lock(&self.slots);
         let (of_frame, order) = &mut *slots;
         if let Some(slot) = of_frame.get(&frame) {
@@ -237,10 +237,10 @@ impl<'a> KeyframeCache<'a> {
             depth: Arc::new(leak.without_leaks(&seen.depth)),
             ..seen
         };
-        let mut completion = Completion::new(&own, tolerance);
+        let mut completion = DepthCompletion::new(&own, tolerance);
         let others = self
             .views
-            .posed_cameras()
+            .calibrated_views()
             .filter(|&(frame, _)| frame != given.frame);
         for filler in fillers_for(&own, others, self.options.fillers) {
             if let Some(filler) = self.views.load(filler)? {
@@ -271,7 +271,7 @@ const GRID: usize = 16;
 /// proximity and similar viewing direction.
 pub fn keyframes_for(
     target: &DepthView,
-    keyframes: &[(PosedCamera, &[LabelId])],
+    keyframes: &[(CalibratedView, &[LabelId])],
     most: usize,
 ) -> Vec<usize> {
     let points = target.grid(GRID);
@@ -301,7 +301,7 @@ pub fn keyframes_for(
 /// seen well from far to the side.
 pub fn fillers_for(
     view: &DepthView,
-    frames: impl Iterator<Item = (usize, PosedCamera)>,
+    frames: impl Iterator<Item = (usize, CalibratedView)>,
     most: usize,
 ) -> Vec<usize> {
     let points = view.grid(GRID);
@@ -317,7 +317,7 @@ pub fn fillers_for(
 /// Returns the share of a frame's points that lie in another frame's image.
 ///
 /// Points are weighted by proximity and by the similarity of the viewing directions.
-fn overlap(from: &PosedCamera, points: &[Vec3], to: &PosedCamera) -> f32 {
+fn overlap(from: &CalibratedView, points: &[Vec3], to: &CalibratedView) -> f32 {
     let reprojection = Reprojection::new(from, to);
     let weight = |&point: &Vec3| {
         let moved = reprojection.transform(point);

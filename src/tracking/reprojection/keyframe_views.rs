@@ -1,8 +1,8 @@
 use super::decide::decide;
-use super::depth_view::{DepthViews, PosedCamera};
+use super::depth_view::{CalibratedView, DepthViews};
 use super::keyframe::{GivenKeyframe, KeyframeCache, keyframes_for, labels_of};
 use super::options::{ReprojectionOptions, Tolerance};
-use super::vote::{Question, ReprojectedLabels, Votes, ask};
+use super::vote::{KeyframeVotes, ReprojectedLabels, VoteRequest, ask};
 use ostra_core::job::Progress;
 use ostra_masks::{Direction, LabelId, MaskError, TrackRequest, WalkedFrame};
 
@@ -26,7 +26,7 @@ impl<'a> KeyframeViews<'a> {
         let mut left_out = Vec::new();
         let mut keyframes = Vec::new();
         for (&frame, mask) in &request.keyframes {
-            match views.posed_camera(frame) {
+            match views.calibrated_view(frame) {
                 Some(posed) => keyframes.push(GivenKeyframe {
                     frame,
                     posed,
@@ -63,7 +63,7 @@ impl<'a> KeyframeViews<'a> {
 
     /// Returns whether the frame has depth and a camera and [`Self::reach`] holds.
     pub fn can_give_evidence_for(&self, frame: usize) -> bool {
-        self.reach(frame) && self.views.posed_camera(frame).is_some()
+        self.reach(frame) && self.views.calibrated_view(frame).is_some()
     }
 
     /// Collects the keyframes' votes on a frame that has depth and a camera.
@@ -81,7 +81,7 @@ impl<'a> KeyframeViews<'a> {
         let Some(target) = self.views.load(frame)? else {
             return Ok(None);
         };
-        let mut votes = Votes {
+        let mut votes = KeyframeVotes {
             width: target.width(),
             height: target.height(),
             of_keyframes: Vec::new(),
@@ -89,23 +89,23 @@ impl<'a> KeyframeViews<'a> {
         let mut depths = target.depth.depths.clone();
         let allowed = |a: &&GivenKeyframe<'_>| reaches(self.direction, a.frame, frame);
         let allowed: Vec<&GivenKeyframe<'_>> = self.keyframes.iter().filter(allowed).collect();
-        let posed_cameras: Vec<(PosedCamera, &[LabelId])> = allowed
+        let calibrated: Vec<(CalibratedView, &[LabelId])> = allowed
             .iter()
             .map(|a| (a.posed, a.labels.as_slice()))
             .collect();
-        let chosen = keyframes_for(&target, &posed_cameras, self.options.keyframes);
+        let chosen = keyframes_for(&target, &calibrated, self.options.keyframes);
         for &place in &chosen {
             let Some(keyframe) = self.ready.get(allowed[place], progress)? else {
                 continue;
             };
-            let question = Question {
+            let request = VoteRequest {
                 keyframe: &keyframe,
                 target: &target,
                 tolerance: Tolerance::measured(&target, &keyframe.view, self.options),
                 options: self.options,
                 progress,
             };
-            let view_labels = ask(&question, &mut depths)?;
+            let view_labels = ask(&request, &mut depths)?;
             votes.of_keyframes.push((keyframe, view_labels));
         }
         let is_silent = votes.of_keyframes.is_empty() && !chosen.is_empty();

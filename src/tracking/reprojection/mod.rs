@@ -11,10 +11,10 @@ mod tracker;
 mod vote;
 
 pub(super) use decide::{edge_affinity, label_scores};
-pub(super) use depth_view::{DepthView, DepthViews, PixelBox};
 #[cfg(test)]
-pub(super) use depth_view::{PosedCamera, rays_of};
-pub(super) use draw::Completion;
+pub(super) use depth_view::{CalibratedView, rays_of};
+pub(super) use depth_view::{DepthView, DepthViews, PixelBox};
+pub(super) use draw::DepthCompletion;
 pub(super) use keyframe::fillers_for;
 pub(super) use keyframe_views::KeyframeViews;
 pub use options::ReprojectionOptions;

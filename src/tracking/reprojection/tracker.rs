@@ -34,14 +34,14 @@ impl Tracker for GeometryTracker {
     ) -> Result<Vec<String>, MaskError> {
         progress.stage("track")?;
         let views = DepthViews::new(&request.frames, &request.store);
-        let run = Run::new(&self.options, request, &views, progress)?;
+        let run = ReprojectionRun::new(&self.options, request, &views, progress)?;
         let missed = run.transfer_all(emit)?;
         Ok(run.warnings(&missed))
     }
 }
 
 /// One run of the tracker over a request.
-pub struct Run<'a> {
+pub struct ReprojectionRun<'a> {
     request: &'a TrackRequest,
     views: &'a DepthViews<'a>,
     progress: &'a Progress,
@@ -53,7 +53,7 @@ pub struct Run<'a> {
     done: AtomicUsize,
 }
 
-impl<'a> Run<'a> {
+impl<'a> ReprojectionRun<'a> {
     /// Checks the request and prepares the run.
     pub fn new(
         options: &'a ReprojectionOptions,

@@ -10,13 +10,13 @@ use ostra_masks::LabelId;
 
 /// Votes of the selected keyframes on one target.
 #[derive(Debug)]
-pub struct Votes {
+pub struct KeyframeVotes {
     pub width: usize,
     pub height: usize,
     pub of_keyframes: Vec<(Arc<Keyframe>, ViewLabels)>,
 }
 
-impl Votes {
+impl KeyframeVotes {
     /// Returns the bounding box of the pixels of each label.
     pub fn boxes(&self) -> BTreeMap<LabelId, PixelBox> {
         let mut boxes: BTreeMap<LabelId, PixelBox> = BTreeMap::new();
@@ -83,7 +83,7 @@ impl Votes {
 }
 
 /// A keyframe and the target that it votes on.
-pub struct Question<'a> {
+pub struct VoteRequest<'a> {
     pub keyframe: &'a Keyframe,
     pub target: &'a DepthView,
     pub tolerance: Tolerance,
@@ -95,19 +95,19 @@ pub struct Question<'a> {
 ///
 /// Pixels with depth are looked up in the keyframe, which votes if its depth agrees. Where the
 /// target has no depth, the keyframe's surfaces are drawn into it and into the holes of `drawn`.
-pub fn ask(question: &Question<'_>, drawn: &mut [f32]) -> Result<ViewLabels, Stopped> {
-    let mut view_labels = ViewLabels::none(question.target.rays.len());
-    look_up(question, &mut view_labels)?;
-    draw_in_holes(question, drawn, &mut view_labels)?;
+pub fn ask(request: &VoteRequest<'_>, drawn: &mut [f32]) -> Result<ViewLabels, Stopped> {
+    let mut view_labels = ViewLabels::none(request.target.rays.len());
+    look_up(request, &mut view_labels)?;
+    draw_in_holes(request, drawn, &mut view_labels)?;
     Ok(view_labels)
 }
 
-fn look_up(question: &Question<'_>, view_labels: &mut ViewLabels) -> Result<(), Stopped> {
-    let (keyframe, target) = (question.keyframe, question.target);
+fn look_up(request: &VoteRequest<'_>, view_labels: &mut ViewLabels) -> Result<(), Stopped> {
+    let (keyframe, target) = (request.keyframe, request.target);
     let reprojection = Reprojection::new(&target.posed, &keyframe.view.posed);
     for at in 0..target.rays.len() {
         if at % 16384 == 0 {
-            question.progress.check()?;
+            request.progress.check()?;
         }
         let Some(point) = target.point(at) else {
             continue;
@@ -117,8 +117,8 @@ fn look_up(question: &Question<'_>, view_labels: &mut ViewLabels) -> Result<(), 
             continue;
         };
         let (x, y) = (px.x as usize, px.y as usize);
-        match surface_at(&keyframe.view, x, y, moved.z, &question.tolerance) {
-            Found::Surface(hit, agreement) => {
+        match surface_at(&keyframe.view, x, y, moved.z, &request.tolerance) {
+            DepthTest::Surface(hit, agreement) => {
                 let nearness = (point.z / moved.z).min(1.0);
                 view_labels.set(
                     at,
@@ -126,21 +126,21 @@ fn look_up(question: &Question<'_>, view_labels: &mut ViewLabels) -> Result<(), 
                     agreement * nearness * keyframe.trust[hit],
                 );
             }
-            Found::Behind => view_labels.set_through(at),
-            Found::Nothing => {}
+            DepthTest::Behind => view_labels.set_through(at),
+            DepthTest::Nothing => {}
         }
     }
     Ok(())
 }
 
 fn draw_in_holes(
-    question: &Question<'_>,
+    request: &VoteRequest<'_>,
     depths: &mut [f32],
     view_labels: &mut ViewLabels,
 ) -> Result<(), Stopped> {
-    let (keyframe, target) = (question.keyframe, question.target);
+    let (keyframe, target) = (request.keyframe, request.target);
     let mut canvas = vec![NearestSurface::NOTHING; target.rays.len()];
-    draw(&keyframe.view, target, &mut canvas, question.progress)?;
+    draw(&keyframe.view, target, &mut canvas, request.progress)?;
     for (at, drawn) in canvas.iter().enumerate() {
         if drawn.depth < f32::INFINITY && target.depth.depths[at] <= 0.0 {
             let from = drawn.from as usize;
@@ -152,7 +152,7 @@ fn draw_in_holes(
             view_labels.set(
                 at,
                 keyframe.mask.ids[from],
-                question.options.drawn_weight * keyframe.trust[from],
+                request.options.drawn_weight * keyframe.trust[from],
             );
         }
     }
@@ -160,7 +160,7 @@ fn draw_in_holes(
 }
 
 /// What a view sees at the position of another view's surface.
-enum Found {
+enum DepthTest {
     /// The surface: its pixel, and the depth agreement, 0–1.
     Surface(usize, f32),
     /// Only farther surfaces: the position is empty.
@@ -173,7 +173,7 @@ enum Found {
 ///
 /// The neighbours are needed on slanted surfaces and at outlines, where depth and image are
 /// misaligned by a pixel.
-fn surface_at(view: &DepthView, x: usize, y: usize, z: f32, tolerance: &Tolerance) -> Found {
+fn surface_at(view: &DepthView, x: usize, y: usize, z: f32, tolerance: &Tolerance) -> DepthTest {
     let (width, height) = (view.width(), view.height());
     let limit = tolerance.at(z);
     let depth = &view.depth.depths;
@@ -199,9 +199,9 @@ fn surface_at(view: &DepthView, x: usize, y: usize, z: f32, tolerance: &Toleranc
     }
     let ratio = least / limit;
     match (ratio <= 1.0, is_behind) {
-        (true, _) => Found::Surface(best, share * (1.0 - 0.75 * ratio * ratio)),
-        (false, true) => Found::Behind,
-        (false, false) => Found::Nothing,
+        (true, _) => DepthTest::Surface(best, share * (1.0 - 0.75 * ratio * ratio)),
+        (false, true) => DepthTest::Behind,
+        (false, false) => DepthTest::Nothing,
     }
 }
 
@@ -261,7 +261,7 @@ pub(crate) struct ReprojectedLabels {
     pub target: DepthView,
     /// Depths of the frame, with holes filled from keyframes.
     pub depths: Vec<f32>,
-    pub votes: Votes,
+    pub votes: KeyframeVotes,
 }
 
 impl ReprojectedLabels {

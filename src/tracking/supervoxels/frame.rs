@@ -2,10 +2,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::DVec2;
 
-use super::surfaces::{Surfaces, VoxelClick, VoxelSet};
+use super::surfaces::{SurfacePartitions, VoxelClick, VoxelSet};
 use super::voxels::ColoredView;
 use crate::reprojection::{
-    Completion, DepthView, PixelBox, ReprojectionOptions, Tolerance, edge_affinity, label_scores,
+    DepthCompletion, DepthView, PixelBox, ReprojectionOptions, Tolerance, edge_affinity,
+    label_scores,
 };
 use ostra_cloud::SceneError;
 use ostra_core::job::Progress;
@@ -23,7 +24,7 @@ const LEAST_SIDES: f32 = 3.0;
 
 /// A frame with the voxel of every pixel, and the image segmenter's version of it.
 pub struct FrameBodies {
-    surfaces: Arc<Surfaces>,
+    surfaces: Arc<SurfacePartitions>,
     prepared: Arc<dyn PreparedFrame>,
     image: Arc<Image>,
     /// Depths, with holes filled from other frames; 0 where unknown.
@@ -51,7 +52,7 @@ impl FrameBodies {
     ///
     /// `picture` is the same frame, prepared by the segmenter for single images.
     pub fn new(
-        surfaces: Arc<Surfaces>,
+        surfaces: Arc<SurfacePartitions>,
         views: &[ColoredView],
         prepared: Arc<dyn PreparedFrame>,
         progress: &Progress,
@@ -59,7 +60,7 @@ impl FrameBodies {
         let ColoredView { view, image } = &views[0];
         let options = ReprojectionOptions::default();
         let tolerance = Tolerance::most(view, &options);
-        let mut completion = Completion::new(view, tolerance);
+        let mut completion = DepthCompletion::new(view, tolerance);
         for other in &views[1..] {
             completion.add(&other.view, progress)?;
         }

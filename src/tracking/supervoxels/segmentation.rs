@@ -2,7 +2,7 @@ use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
-use super::voxels::Voxels;
+use super::voxels::SurfaceVoxels;
 use ostra_cloud::SceneError;
 use ostra_core::job::Progress;
 
@@ -25,13 +25,13 @@ pub struct Supervoxels {
     /// Number of voxels of each supervoxel.
     pub sizes: Vec<u32>,
     /// Borders between touching supervoxels, sorted.
-    pub borders: Vec<Border>,
+    pub borders: Vec<SupervoxelBorder>,
 }
 
 impl Supervoxels {
     /// Computes supervoxels about `step` (world units) wide from voxels and their normals.
     pub fn of(
-        voxels: &Voxels,
+        voxels: &SurfaceVoxels,
         normals: &[Vec3],
         step: f32,
         progress: &Progress,
@@ -57,7 +57,7 @@ impl Supervoxels {
 }
 
 /// Assigns one supervoxel to each cube of edge `step`.
-fn seeds(voxels: &Voxels, step: f32) -> Vec<u32> {
+fn seeds(voxels: &SurfaceVoxels, step: f32) -> Vec<u32> {
     let mut found: FxHashMap<[i32; 3], u32> = FxHashMap::default();
     let seed = |place: &Vec3| {
         let next = found.len() as u32;
@@ -78,7 +78,7 @@ struct Means {
 
 impl Means {
     /// Computes the means of non-empty supervoxels and renumbers `of_voxel` without the empty.
-    fn of(voxels: &Voxels, normals: &[Vec3], of_voxel: &mut [u32]) -> Self {
+    fn of(voxels: &SurfaceVoxels, normals: &[Vec3], of_voxel: &mut [u32]) -> Self {
         let mut numbers: FxHashMap<u32, u32> = FxHashMap::default();
         let (mut sizes, mut sums): (Vec<u32>, Vec<[Vec3; 3]>) = (Vec::new(), Vec::new());
         for (at, of) in of_voxel.iter_mut().enumerate() {
@@ -110,7 +110,7 @@ impl Means {
     }
 
     /// Returns the most similar supervoxel nearby for every voxel.
-    fn choose(&self, voxels: &Voxels, normals: &[Vec3], step: f32) -> Vec<u32> {
+    fn choose(&self, voxels: &SurfaceVoxels, normals: &[Vec3], step: f32) -> Vec<u32> {
         let cell = |place: Vec3| (place / step).floor().as_ivec3();
         let mut around: FxHashMap<[i32; 3], Vec<u32>> = FxHashMap::default();
         for (place, index) in self.places.iter().zip(0..) {
@@ -138,7 +138,7 @@ impl Means {
         (0..voxels.len()).into_par_iter().map(likest).collect()
     }
 
-    fn borders(&self, of_voxel: &[u32], touching: &[(u32, u32)]) -> Vec<Border> {
+    fn borders(&self, of_voxel: &[u32], touching: &[(u32, u32)]) -> Vec<SupervoxelBorder> {
         let mut lengths: FxHashMap<(u32, u32), f32> = FxHashMap::default();
         for &(p, q) in touching {
             let (a, b) = (of_voxel[p as usize], of_voxel[q as usize]);
@@ -153,7 +153,7 @@ impl Means {
             };
             let color =
                 (self.colors[a as usize] - self.colors[b as usize]) * Vec3::new(0.5, 1.0, 1.0);
-            Border {
+            SupervoxelBorder {
                 a,
                 b,
                 length,
@@ -161,7 +161,7 @@ impl Means {
                 color: color.length(),
             }
         };
-        let mut borders: Vec<Border> = lengths.into_iter().map(border).collect();
+        let mut borders: Vec<SupervoxelBorder> = lengths.into_iter().map(border).collect();
         borders.sort_unstable_by_key(|border| (border.a, border.b));
         borders
     }
@@ -174,7 +174,7 @@ const RIDGE_DEG: f32 = 200.0;
 
 /// Border between two supervoxels.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Border {
+pub struct SupervoxelBorder {
     pub a: u32,
     pub b: u32,
     /// Number of touching voxel pairs.
@@ -199,7 +199,7 @@ impl BoundaryWeights {
     ///
     /// Objects meet in a groove, whereas a ridge is mostly an edge of one object (Stein, Schoeler,
     /// Papon, Wörgötter, "Object partitioning using local convexity", CVPR 2014).
-    pub fn strength(&self, border: &Border) -> f32 {
+    pub fn strength(&self, border: &SupervoxelBorder) -> f32 {
         let bend = (border.bend_deg.abs() - EVEN_DEG).max(0.0);
         let shape = if border.bend_deg < 0.0 {
             (bend / self.groove_deg).min(1.0)
@@ -257,7 +257,7 @@ mod tests {
             color: 80.0,
         };
         let strength = |bend_deg, color| {
-            judgement.strength(&Border {
+            judgement.strength(&SupervoxelBorder {
                 a: 0,
                 b: 1,
                 length: 1.0,

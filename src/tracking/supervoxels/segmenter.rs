@@ -1,7 +1,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::frame::FrameBodies;
-use super::surfaces::Surfaces;
+use super::surfaces::SurfacePartitions;
 use super::voxels::ColoredView;
 use crate::reprojection::{DepthViews, fillers_for};
 use ostra_cloud::SceneError;
@@ -27,7 +27,7 @@ pub struct GeometrySegmenter {
     store: Arc<FrameStore>,
     prepared: Arc<dyn Segmenter>,
     /// The latest surfaces, with the frames that they are made of.
-    made: Mutex<Option<(Vec<usize>, Arc<Surfaces>)>>,
+    made: Mutex<Option<(Vec<usize>, Arc<SurfacePartitions>)>>,
 }
 
 impl GeometrySegmenter {
@@ -62,10 +62,12 @@ impl GeometrySegmenter {
         views: &DepthViews<'_>,
         frame: usize,
     ) -> Result<Option<CachedViews>, MaskError> {
-        if views.posed_camera(frame).is_none() {
+        if views.calibrated_view(frame).is_none() {
             return Ok(None);
         }
-        let others = views.posed_cameras().filter(|&(other, _)| other != frame);
+        let others = views
+            .calibrated_views()
+            .filter(|&(other, _)| other != frame);
         let (Some(view), Some(image)) = (views.load(frame)?, views.image(frame)?) else {
             return Ok(None);
         };
@@ -86,12 +88,12 @@ impl GeometrySegmenter {
         of: &[usize],
         views: &[ColoredView],
         progress: &Progress,
-    ) -> Result<Arc<Surfaces>, SceneError> {
+    ) -> Result<Arc<SurfacePartitions>, SceneError> {
         let mut made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, surfaces)) = made.as_ref().filter(|(frames, _)| frames.contains(&of[0])) {
             return Ok(Arc::clone(surfaces));
         }
-        let surfaces = Arc::new(Surfaces::of(views, progress)?);
+        let surfaces = Arc::new(SurfacePartitions::of(views, progress)?);
         *made = Some((of.to_vec(), Arc::clone(&surfaces)));
         Ok(surfaces)
     }

@@ -4,8 +4,8 @@ use std::collections::BinaryHeap;
 use rayon::prelude::*;
 
 use super::segmentation::{BoundaryWeights, Supervoxels};
-use super::tree::Tree;
-use super::voxels::{ColoredView, Voxels};
+use super::tree::SupervoxelTree;
+use super::voxels::{ColoredView, SurfaceVoxels};
 use ostra_cloud::SceneError;
 use ostra_core::job::Progress;
 use ostra_core::statistics::upper_median;
@@ -30,15 +30,15 @@ const LARGEST_SHARE: f32 = 0.35;
 /// `STEP_SIDES`) are each clustered by average linkage under three weightings of borders
 /// (`JUDGEMENTS`) and cut at four strengths (`LEAST_STRENGTHS`). The answer has the largest mean
 /// squared IoU with all others.
-pub struct Surfaces {
-    pub voxels: Voxels,
+pub struct SurfacePartitions {
+    pub voxels: SurfaceVoxels,
     separating_all: Vec<Partition>,
 }
 
-impl Surfaces {
+impl SurfacePartitions {
     pub fn of(views: &[ColoredView], progress: &Progress) -> Result<Self, SceneError> {
         let least_views = if views.len() > 2 { 2 } else { 1 };
-        let voxels = Voxels::of(views, side(views), least_views, progress)?;
+        let voxels = SurfaceVoxels::of(views, side(views), least_views, progress)?;
         let mut separating_all = Vec::new();
         for neighbours in NORMAL_NEIGHBOURS {
             let normals = voxels.normals(neighbours, progress)?;
@@ -150,7 +150,7 @@ pub struct VoxelClick {
 /// One partition of the surfaces into supervoxels, with trees that join these into objects.
 struct Partition {
     parts: Supervoxels,
-    trees: Vec<Tree>,
+    trees: Vec<SupervoxelTree>,
     /// Neighbours of every supervoxel and the path lengths to them, in world units.
     ways: Vec<Vec<(u32, f32)>>,
 }
@@ -167,7 +167,7 @@ impl Partition {
             ways[b].push((border.a, way));
         }
         let trees = JUDGEMENTS
-            .map(|judgement| Tree::of(&parts, judgement))
+            .map(|judgement| SupervoxelTree::of(&parts, judgement))
             .into();
         Self { parts, trees, ways }
     }
@@ -205,7 +205,7 @@ impl Partition {
             .trees
             .iter()
             .flat_map(|tree| apart.iter().map(move |apart| (tree, tree.around(apart))));
-        let taken = |(tree, closed): (&Tree, Vec<bool>)| {
+        let taken = |(tree, closed): (&SupervoxelTree, Vec<bool>)| {
             LEAST_STRENGTHS.map(|least| {
                 self.voxels(&taken(
                     |part| tree.thing(part, least, &closed),
@@ -256,7 +256,7 @@ impl Partition {
     }
 
     pub fn bytes(&self) -> usize {
-        let trees: usize = self.trees.iter().map(Tree::bytes).sum();
+        let trees: usize = self.trees.iter().map(SupervoxelTree::bytes).sum();
         trees
             + self.parts.of_voxel.len() * 4
             + self.parts.borders.len() * 36

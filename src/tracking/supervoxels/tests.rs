@@ -5,9 +5,9 @@ use glam::{DVec2, DVec3, Vec3};
 
 use super::frame::FrameBodies;
 use super::segmenter::GeometrySegmenter;
-use super::surfaces::Surfaces;
+use super::surfaces::SurfacePartitions;
 use super::voxels::ColoredView;
-use crate::reprojection::{DepthView, PosedCamera, rays_of};
+use crate::reprojection::{CalibratedView, DepthView, rays_of};
 use ostra_core::job::Progress;
 use ostra_frames::{
     DepthMap, DepthSource, Frame, FrameCamera, FrameStore, Image, ImageSource, Orientation,
@@ -139,7 +139,7 @@ fn view(aside: f64) -> (DepthView, Arc<Image>, Vec<u8>) {
         height: SIZE.1,
         pixels: vec![[128, 128, 128]; hits.len()],
     };
-    let posed = PosedCamera {
+    let posed = CalibratedView {
         camera,
         camera_from_world: pose,
     };
@@ -206,7 +206,7 @@ fn frame_over(prepared: Arc<dyn PreparedFrame>) -> (FrameBodies, Vec<u8>) {
         .into_iter()
         .map(|(view, image, _)| ColoredView { view, image })
         .collect();
-    let surfaces = Arc::new(Surfaces::of(&views, &Progress::default()).unwrap());
+    let surfaces = Arc::new(SurfacePartitions::of(&views, &Progress::default()).unwrap());
     (
         FrameBodies::new(surfaces, &views, prepared, &Progress::default()).unwrap(),
         ids,

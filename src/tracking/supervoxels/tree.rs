@@ -12,7 +12,7 @@ const LEAST_SHARE: f32 = 0.5;
 ///
 /// The weakest border is removed first, and strengths are averaged along each border (agglomerative
 /// clustering by average linkage).
-pub struct Tree {
+pub struct SupervoxelTree {
     /// Parent of each body; a root is its own parent.
     parents: Vec<u32>,
     children: Vec<Option<[u32; 2]>>,
@@ -24,7 +24,7 @@ pub struct Tree {
 
 /// Border of two bodies: the sum of strength times length, and the length.
 #[derive(Clone, Copy, Default)]
-struct Between {
+struct BorderStrength {
     strength: f32,
     length: f32,
 }
@@ -54,11 +54,11 @@ impl Eq for Join {}
 
 /// The current roots with their borders.
 struct Joining {
-    borders: Vec<FxHashMap<u32, Between>>,
+    borders: Vec<FxHashMap<u32, BorderStrength>>,
     open: BinaryHeap<Join>,
 }
 
-impl Tree {
+impl SupervoxelTree {
     pub fn of(parts: &Supervoxels, judgement: BoundaryWeights) -> Self {
         let count = parts.len();
         let mut joining = Joining {
@@ -69,7 +69,7 @@ impl Tree {
             let strength = judgement.strength(border);
             joining.add(
                 [border.a, border.b],
-                Between {
+                BorderStrength {
                     strength: strength * border.length,
                     length: border.length,
                 },
@@ -153,7 +153,7 @@ impl Tree {
 }
 
 impl Joining {
-    fn add(&mut self, [a, b]: [u32; 2], between: Between) {
+    fn add(&mut self, [a, b]: [u32; 2], between: BorderStrength) {
         self.borders[a as usize].insert(b, between);
         self.borders[b as usize].insert(a, between);
         self.open
@@ -162,7 +162,7 @@ impl Joining {
 
     /// Moves the borders of two bodies to `joined`, which is the next index.
     fn join(&mut self, bodies: [u32; 2], joined: u32) {
-        let mut around: FxHashMap<u32, Between> = FxHashMap::default();
+        let mut around: FxHashMap<u32, BorderStrength> = FxHashMap::default();
         for body in bodies {
             for (other, between) in std::mem::take(&mut self.borders[body as usize]) {
                 if !bodies.contains(&other) {
@@ -185,12 +185,12 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::supervoxels::segmentation::Border;
+    use crate::supervoxels::segmentation::SupervoxelBorder;
 
     #[test]
     fn object_ends_where_it_would_join_another_one() {
         // Four in a row; the two on each side are similar, and all are joined in the end.
-        let border = |a, color| Border {
+        let border = |a, color| SupervoxelBorder {
             a,
             b: a + 1,
             length: 1.0,
@@ -203,7 +203,7 @@ mod tests {
             sizes: vec![1; 4],
             borders: vec![border(0, 1.0), border(1, 9.0), border(2, 2.0)],
         };
-        let tree = Tree::of(
+        let tree = SupervoxelTree::of(
             &parts,
             BoundaryWeights {
                 groove_deg: 30.0,

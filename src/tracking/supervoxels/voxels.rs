@@ -12,7 +12,7 @@ use ostra_frames::Image;
 use ostra_masks::lab_of_pixel;
 
 /// Surfaces seen by several frames, with one point per cube of space.
-pub struct Voxels {
+pub struct SurfaceVoxels {
     /// Edge of a cube in world units.
     pub side: f32,
     of_cell: FxHashMap<[i32; 3], u32>,
@@ -25,7 +25,7 @@ pub struct Voxels {
 }
 
 #[derive(Clone, Copy, Default)]
-struct Sums {
+struct SurfaceSums {
     place: Vec3,
     color: Vec3,
     facing: Vec3,
@@ -41,7 +41,7 @@ pub struct ColoredView {
     pub image: Arc<Image>,
 }
 
-impl Voxels {
+impl SurfaceVoxels {
     /// Creates cubes of edge `side` (world units) that at least `least_views` frames see.
     pub fn of(
         views: &[ColoredView],
@@ -49,11 +49,11 @@ impl Voxels {
         least_views: u32,
         progress: &Progress,
     ) -> Result<Self, SceneError> {
-        let seen: Vec<FxHashMap<[i32; 3], Sums>> = views
+        let seen: Vec<FxHashMap<[i32; 3], SurfaceSums>> = views
             .par_iter()
             .map(|view| cells_of(view, side, progress))
             .collect::<Result<_, _>>()?;
-        let mut all: FxHashMap<[i32; 3], Sums> = FxHashMap::default();
+        let mut all: FxHashMap<[i32; 3], SurfaceSums> = FxHashMap::default();
         for (cell, sums) in seen.into_iter().flatten() {
             let total = all.entry(cell).or_default();
             total.place += sums.place;
@@ -62,12 +62,12 @@ impl Voxels {
             total.points += sums.points;
             total.views += 1;
         }
-        let mut kept: Vec<([i32; 3], Sums)> = all
+        let mut kept: Vec<([i32; 3], SurfaceSums)> = all
             .into_iter()
             .filter(|(_, sums)| sums.views >= least_views)
             .collect();
         kept.sort_unstable_by_key(|(cell, _)| *cell);
-        let mean = |of: fn(&Sums) -> Vec3| {
+        let mean = |of: fn(&SurfaceSums) -> Vec3| {
             kept.iter()
                 .map(|(_, sums)| of(sums) / sums.points as f32)
                 .collect()
@@ -141,10 +141,10 @@ fn cells_of(
     colored: &ColoredView,
     side: f32,
     progress: &Progress,
-) -> Result<FxHashMap<[i32; 3], Sums>, SceneError> {
+) -> Result<FxHashMap<[i32; 3], SurfaceSums>, SceneError> {
     progress.check()?;
     let ColoredView { view, image } = colored;
-    let mut cells: FxHashMap<[i32; 3], Sums> = FxHashMap::default();
+    let mut cells: FxHashMap<[i32; 3], SurfaceSums> = FxHashMap::default();
     let (world, eye) = (
         view.to_world(),
         view.posed.camera_from_world.centre().as_vec3(),

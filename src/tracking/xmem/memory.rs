@@ -44,7 +44,7 @@ impl Default for XMemOptions {
 
 /// Working and long-term memory of the objects that first appeared on one frame.
 #[derive(Debug)]
-pub(super) struct Group {
+pub(super) struct MemoryGroup {
     /// Indices of the objects.
     pub objects: Range<usize>,
     /// Whole frames; the first stays.
@@ -59,7 +59,7 @@ pub(super) struct Group {
 /// The number of columns is chosen so that the similarities stay in a core's cache.
 const BLOCK: usize = 32;
 
-impl Group {
+impl MemoryGroup {
     /// Creates an empty memory for these objects.
     pub fn new(objects: Range<usize>, widths: Widths, cells: usize) -> Self {
         let empty = Elements::new(widths, objects.len());

@@ -9,7 +9,7 @@ use ostra_masks::MaskError;
 
 /// The three networks.
 #[derive(Debug)]
-pub(super) struct Networks {
+pub(super) struct XMemNetworks {
     key_encoder: Network,
     value_encoder: Network,
     decoder: Network,
@@ -39,7 +39,7 @@ pub(super) struct ObjectOutputs {
     pub hidden: Vec<f32>,
 }
 
-impl Networks {
+impl XMemNetworks {
     /// Checks the three networks.
     ///
     /// # Errors

@@ -4,11 +4,11 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::fit::Fit;
-use super::memory::{Group, XMemOptions};
-use super::networks::{ImageEncoding, Networks};
+use super::memory::{MemoryGroup, XMemOptions};
+use super::networks::{ImageEncoding, XMemNetworks};
 use crate::networks::odds;
 use crate::propagate::{
-    Answer, KeyframeUse, LabelProbabilities, LookAhead, MaskPropagator, PassFrame, Section,
+    KeyframeUse, LabelProbabilities, LookAhead, MaskPropagator, PassFrame, PassResult, Section,
     propagate, shown_labels,
 };
 use ostra_compute::nn::{Network, NnError, load};
@@ -21,7 +21,7 @@ use ostra_masks::{Direction, LabelId, LabelMask, MaskError, TrackRequest, Tracke
 /// Clones share the networks.
 #[derive(Debug, Clone)]
 pub struct XMem {
-    pub(super) networks: Arc<Networks>,
+    pub(super) networks: Arc<XMemNetworks>,
     /// Input size and memory settings.
     pub options: XMemOptions,
 }
@@ -44,7 +44,7 @@ impl XMem {
     /// [`NnError::Mismatch`] if one has other inputs than expected.
     pub fn new(networks: [Network; 3]) -> Result<Self, NnError> {
         Ok(Self {
-            networks: Arc::new(Networks::new(networks)?),
+            networks: Arc::new(XMemNetworks::new(networks)?),
             options: XMemOptions::default(),
         })
     }
@@ -73,13 +73,13 @@ impl Tracker for XMem {
 
 /// A pass of objects through images of one size.
 pub(super) struct XMemPass<'a> {
-    networks: &'a Networks,
+    networks: &'a XMemNetworks,
     options: &'a XMemOptions,
     progress: &'a Progress,
     /// Labels, in the order of their appearance.
     objects: Vec<LabelId>,
     /// One group for every frame on which objects appeared.
-    groups: Vec<Group>,
+    groups: Vec<MemoryGroup>,
     /// Sensory memory, `[objects][hidden][cells]`.
     hidden: Vec<f32>,
     /// Frames since the last one that entered memory.
@@ -87,7 +87,11 @@ pub(super) struct XMemPass<'a> {
 }
 
 impl<'a> XMemPass<'a> {
-    pub fn new(networks: &'a Networks, options: &'a XMemOptions, progress: &'a Progress) -> Self {
+    pub fn new(
+        networks: &'a XMemNetworks,
+        options: &'a XMemOptions,
+        progress: &'a Progress,
+    ) -> Self {
         Self {
             networks,
             options,
@@ -102,7 +106,7 @@ impl<'a> XMemPass<'a> {
     /// Returns the elements of working and of long-term memory, by group.
     #[cfg(test)]
     pub fn sizes(&self) -> Vec<(usize, usize)> {
-        self.groups.iter().map(Group::sizes).collect()
+        self.groups.iter().map(MemoryGroup::sizes).collect()
     }
 
     fn see(&self, image: &Image) -> Result<ImageEncoding, MaskError> {
@@ -180,7 +184,7 @@ impl<'a> XMemPass<'a> {
         self.hidden = outputs.hidden;
         let grouped = self.groups.last().map_or(0, |group| group.objects.end);
         if grouped < self.objects.len() {
-            self.groups.push(Group::new(
+            self.groups.push(MemoryGroup::new(
                 grouped..self.objects.len(),
                 seen.cells.widths,
                 seen.cells.len(),
@@ -244,8 +248,8 @@ impl MaskPropagator for XMemPass<'_> {
         &mut self,
         frame: &PassFrame,
         _ahead: &mut LookAhead<'_, '_>,
-    ) -> Result<Answer, MaskError> {
-        Ok(Answer::most_probable(self.propagate(&frame.image)?))
+    ) -> Result<PassResult, MaskError> {
+        Ok(PassResult::most_probable(self.propagate(&frame.image)?))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use ostra_masks::graph_cut::ranking::{Kind, TERMS, Weights};
+use ostra_masks::graph_cut::ranking::{ClickKind, TERMS, Weights};
 
 use crate::KINDS;
 use crate::play::Sample;
@@ -13,7 +13,7 @@ use crate::play::Sample;
 pub fn fitted(samples: &[Sample], without: Option<&str>, weights: &Weights) -> Weights {
     KINDS.map(|kind| {
         // Clicks without depth also inform the weights of those with depth.
-        let importance = |other: Kind| match other {
+        let importance = |other: ClickKind| match other {
             _ if other == kind => 1.0,
             _ if other as usize + 3 == kind as usize => 0.15,
             _ => 0.0,

@@ -29,19 +29,19 @@ mod report;
 
 use std::path::{Path, PathBuf};
 
-use ostra_masks::graph_cut::ranking::{Kind, WEIGHTS};
+use ostra_masks::graph_cut::ranking::{ClickKind, WEIGHTS};
 use rayon::prelude::*;
 
 use cases::{davis, recording, recordings};
 use play::{Sample, explore};
 
-const KINDS: [Kind; 6] = [
-    Kind::First,
-    Kind::Include,
-    Kind::Exclude,
-    Kind::DeepFirst,
-    Kind::DeepInclude,
-    Kind::DeepExclude,
+const KINDS: [ClickKind; 6] = [
+    ClickKind::First,
+    ClickKind::Include,
+    ClickKind::Exclude,
+    ClickKind::DeepFirst,
+    ClickKind::DeepInclude,
+    ClickKind::DeepExclude,
 ];
 
 fn main() {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use ostra_eval::simulated_click::next_label_click;
 use ostra_masks::graph_cut::ranked_click::{ClickCandidates, RankedClick, RankedFrame};
-use ostra_masks::graph_cut::ranking::{Kind, TERMS, Weights, best};
+use ostra_masks::graph_cut::ranking::{ClickKind, TERMS, Weights, best};
 use ostra_masks::{Click, LabelId, LabelMask, Region};
 
 use crate::cases::Case;
@@ -12,7 +12,7 @@ use crate::cases::Case;
 /// A click of a game: the gain in mean IoU of each candidate.
 pub struct Sample {
     pub clip: String,
-    pub kind: Kind,
+    pub kind: ClickKind,
     pub terms: Vec<[f32; TERMS]>,
     pub gains: Vec<f32>,
     pub shared: Vec<Vec<f32>>,

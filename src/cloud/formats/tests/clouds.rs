@@ -5,7 +5,7 @@ use glam::Vec3;
 
 use super::meshes::tree;
 use crate::formats::CloudFormat;
-use crate::ply::Coloring;
+use crate::ply::SavedColors;
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::{Label, LabelId, LabelTree};
@@ -22,7 +22,7 @@ fn cloud() -> LabelledCloud {
     cloud
 }
 
-fn saved(cloud: &LabelledCloud, name: &str, coloring: Coloring) -> Result<Vec<u8>, SceneError> {
+fn saved(cloud: &LabelledCloud, name: &str, coloring: SavedColors) -> Result<Vec<u8>, SceneError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
     CloudFormat::of(Path::new(name))?.save(&path, cloud, coloring, &Progress::default())?;
@@ -38,8 +38,10 @@ fn saved(cloud: &LabelledCloud, name: &str, coloring: Coloring) -> Result<Vec<u8
 fn las_and_laz_store_all_point_data() {
     let cloud = cloud();
     for name in ["a.las", "a.LAZ"] {
-        let mut reader =
-            las::Reader::new(Cursor::new(saved(&cloud, name, Coloring::Image).unwrap())).unwrap();
+        let mut reader = las::Reader::new(Cursor::new(
+            saved(&cloud, name, SavedColors::Image).unwrap(),
+        ))
+        .unwrap();
         assert_eq!(reader.header().version(), las::Version::new(1, 4));
         let described = reader
             .header()
@@ -83,7 +85,8 @@ fn las_and_laz_store_all_point_data() {
             );
         }
     }
-    let [las, laz] = ["a.las", "a.laz"].map(|name| saved(&cloud, name, Coloring::Image).unwrap());
+    let [las, laz] =
+        ["a.las", "a.laz"].map(|name| saved(&cloud, name, SavedColors::Image).unwrap());
     assert!(
         laz.len() < las.len() / 2,
         "{} of {} bytes",
@@ -92,16 +95,16 @@ fn las_and_laz_store_all_point_data() {
     );
     assert_eq!(
         las,
-        saved(&cloud, "b.las", Coloring::Image).unwrap(),
+        saved(&cloud, "b.las", SavedColors::Image).unwrap(),
         "the same cloud gives the same bytes"
     );
-    assert_ne!(las, saved(&cloud, "b.las", Coloring::Labels).unwrap());
+    assert_ne!(las, saved(&cloud, "b.las", SavedColors::Labels).unwrap());
 }
 
 #[test]
 fn pcd_stores_all_point_data() {
     let cloud = cloud();
-    let bytes = saved(&cloud, "a.pcd", Coloring::Image).unwrap();
+    let bytes = saved(&cloud, "a.pcd", SavedColors::Image).unwrap();
     let end = bytes
         .windows(12)
         .position(|window| window == b"DATA binary\n")
@@ -146,7 +149,7 @@ fn classes_of_top_labels_range_from_64_to_255() {
     }
     cloud.tree = tree;
     cloud.labels = (1..=300).map(LabelId).collect();
-    let bytes = saved(&cloud, "a.las", Coloring::Image).unwrap();
+    let bytes = saved(&cloud, "a.las", SavedColors::Image).unwrap();
     let points = las::Reader::new(Cursor::new(bytes))
         .unwrap()
         .read_all()
@@ -172,7 +175,9 @@ fn classes_of_top_labels_range_from_64_to_255() {
 #[test]
 fn unwritable_clouds_give_an_error_message() {
     let said = |cloud: &LabelledCloud, name: &str| {
-        saved(cloud, name, Coloring::Image).unwrap_err().to_string()
+        saved(cloud, name, SavedColors::Image)
+            .unwrap_err()
+            .to_string()
     };
     assert!(said(&cloud(), "a.xyz").contains(".ply, .las, .laz, .pcd"));
     for name in ["a.ply", "a.las", "a.laz", "a.pcd"] {
@@ -180,7 +185,7 @@ fn unwritable_clouds_give_an_error_message() {
         let nowhere = CloudFormat::of(Path::new(name)).unwrap().save(
             &Path::new("/nowhere").join(name),
             &cloud(),
-            Coloring::Image,
+            SavedColors::Image,
             &Progress::default(),
         );
         assert!(nowhere.unwrap_err().to_string().contains(name));

@@ -4,7 +4,7 @@ use serde_json::Value;
 use super::meshes::{mesh, saved};
 use crate::LabelledMesh;
 use crate::formats::MeshFormat;
-use crate::ply::Coloring;
+use crate::ply::SavedColors;
 use ostra_core::job::Progress;
 
 /// A GLB split into header JSON and binary chunk, as the standard defines.
@@ -76,7 +76,7 @@ impl Glb {
     }
 }
 
-fn written(mesh: &LabelledMesh, coloring: Coloring) -> Glb {
+fn written(mesh: &LabelledMesh, coloring: SavedColors) -> Glb {
     let folder = tempfile::tempdir().unwrap();
     read(&saved(mesh, &folder.path().join("mesh.glb"), coloring))
 }
@@ -91,7 +91,7 @@ fn to_srgb(linear: f64) -> f64 {
 
 #[test]
 fn each_label_is_a_node_with_its_properties() {
-    let glb = written(&mesh(), Coloring::Image);
+    let glb = written(&mesh(), SavedColors::Image);
     let nodes = glb.head["nodes"].as_array().unwrap();
     assert_eq!(glb.head["scenes"][0]["nodes"], serde_json::json!([0]));
     assert_eq!(nodes[0]["children"], serde_json::json!([1, 2, 3]));
@@ -119,7 +119,7 @@ fn each_label_is_a_node_with_its_properties() {
 #[test]
 fn geometry_survives_a_round_trip_per_label() {
     let mesh = mesh();
-    let glb = written(&mesh, Coloring::Image);
+    let glb = written(&mesh, SavedColors::Image);
     for (at, (id, part)) in mesh.by_label().into_iter().enumerate() {
         let primitive = &glb.head["meshes"][at]["primitives"][0];
         let column = |name: &str| glb.entries(&primitive["attributes"][name]);
@@ -173,7 +173,7 @@ fn colors_survive_conversion_to_linear_light() {
     mesh.triangles = vec![[0, 1, 2]];
     for channel in 0..=u8::MAX {
         mesh.vertices.colors[0] = [channel; 3];
-        let glb = written(&mesh, Coloring::Image);
+        let glb = written(&mesh, SavedColors::Image);
         let color =
             &glb.entries(&glb.head["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"])[0];
         assert_eq!((to_srgb(color[0] / 65535.0) * 255.0).round() as u8, channel);
@@ -183,7 +183,7 @@ fn colors_survive_conversion_to_linear_light() {
 
 #[test]
 fn root_rotation_keeps_up_upwards() {
-    let glb = written(&mesh(), Coloring::Image);
+    let glb = written(&mesh(), SavedColors::Image);
     let turn: [f32; 4] = serde_json::from_value(glb.head["nodes"][0]["rotation"].clone()).unwrap();
     let turn = Quat::from_array(turn);
     assert!(
@@ -200,7 +200,7 @@ fn root_rotation_keeps_up_upwards() {
 fn unknown_normals_become_unit_and_empty_mesh_is_an_error() {
     let mut mesh = mesh();
     mesh.vertices.normals.fill(Vec3::ZERO);
-    let glb = written(&mesh, Coloring::Image);
+    let glb = written(&mesh, SavedColors::Image);
     let normals = glb.entries(&glb.head["meshes"][0]["primitives"][0]["attributes"]["NORMAL"]);
     assert!(
         normals
@@ -211,7 +211,7 @@ fn unknown_normals_become_unit_and_empty_mesh_is_an_error() {
     let path = folder.path().join("empty.glb");
     let empty = LabelledMesh::default();
     let error = MeshFormat::Glb
-        .save(&path, &empty, Coloring::Image, &Progress::default())
+        .save(&path, &empty, SavedColors::Image, &Progress::default())
         .unwrap_err();
     assert!(error.to_string().contains("no triangles"));
 }

@@ -3,7 +3,7 @@ use std::path::Path;
 use glam::Vec3;
 
 use crate::formats::{MeshFormat, VoxelFormat};
-use crate::ply::Coloring;
+use crate::ply::SavedColors;
 use crate::{LabelledCloud, LabelledMesh};
 use ostra_core::job::Progress;
 use ostra_masks::{Label, LabelId, LabelTree};
@@ -53,7 +53,7 @@ pub(super) fn mesh() -> LabelledMesh {
     }
 }
 
-pub(super) fn saved(mesh: &LabelledMesh, path: &Path, coloring: Coloring) -> Vec<u8> {
+pub(super) fn saved(mesh: &LabelledMesh, path: &Path, coloring: SavedColors) -> Vec<u8> {
     MeshFormat::of(path)
         .unwrap()
         .save(path, mesh, coloring, &Progress::default())
@@ -91,11 +91,11 @@ fn same_mesh_gives_same_bytes_and_no_other_files() {
     for name in ["a.ply", "a.obj", "a.glb"] {
         let path = folder.path().join(name);
         assert!(
-            saved(&mesh(), &path, Coloring::Image) == saved(&mesh(), &path, Coloring::Image),
+            saved(&mesh(), &path, SavedColors::Image) == saved(&mesh(), &path, SavedColors::Image),
             "{name}"
         );
         assert!(
-            saved(&mesh(), &path, Coloring::Image) != saved(&mesh(), &path, Coloring::Labels),
+            saved(&mesh(), &path, SavedColors::Image) != saved(&mesh(), &path, SavedColors::Labels),
             "{name}"
         );
     }
@@ -114,11 +114,11 @@ fn stopped_save_leaves_the_old_file() {
     stopped.stop();
     for name in ["a.obj", "a.glb"] {
         let path = folder.path().join(name);
-        let before = saved(&mesh(), &path, Coloring::Image);
+        let before = saved(&mesh(), &path, SavedColors::Image);
         assert!(
             MeshFormat::of(&path)
                 .unwrap()
-                .save(&path, &mesh(), Coloring::Labels, &stopped)
+                .save(&path, &mesh(), SavedColors::Labels, &stopped)
                 .is_err()
         );
         assert!(std::fs::read(&path).unwrap() == before, "{name}");

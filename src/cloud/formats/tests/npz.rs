@@ -1,7 +1,7 @@
 use std::collections::BTreeMap;
 
 use super::voxels::{VOXEL, saved, voxels};
-use crate::ply::Coloring;
+use crate::ply::SavedColors;
 use crate::{LabelledCloud, UNLABELLED_COLOR};
 
 /// Type, shape and entries of an array.
@@ -66,7 +66,7 @@ fn array(bytes: &[u8]) -> Array {
     )
 }
 
-fn written(voxels: &LabelledCloud, coloring: Coloring) -> BTreeMap<String, Array> {
+fn written(voxels: &LabelledCloud, coloring: SavedColors) -> BTreeMap<String, Array> {
     let files = unzip(&saved(voxels, "voxels.npz", coloring).unwrap());
     files
         .into_iter()
@@ -77,7 +77,7 @@ fn written(voxels: &LabelledCloud, coloring: Coloring) -> BTreeMap<String, Array
 #[test]
 fn voxels_survive_a_round_trip() {
     let places = [[-3, 5, 7], [0, 5, 6], [2, 9, 6], [2, 9, 1000]];
-    let arrays = written(&voxels(&places), Coloring::Image);
+    let arrays = written(&voxels(&places), SavedColors::Image);
     let kinds: Vec<_> = arrays
         .iter()
         .map(|(name, (kind, shape, _))| [name.as_str(), kind, shape])
@@ -147,7 +147,7 @@ fn voxels_survive_a_round_trip() {
 fn label_coloring_writes_label_colours() {
     let arrays = written(
         &voxels(&[[0, 0, 0], [1, 0, 0], [2, 0, 0]]),
-        Coloring::Labels,
+        SavedColors::Labels,
     );
     assert_eq!(
         arrays["colors"].2,

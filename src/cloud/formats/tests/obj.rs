@@ -3,7 +3,7 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 
 use super::meshes::{mesh, saved};
-use crate::ply::Coloring;
+use crate::ply::SavedColors;
 use crate::{LabelledMesh, UNLABELLED_COLOR};
 
 /// The content of an OBJ file.
@@ -52,7 +52,7 @@ fn read(bytes: &[u8]) -> Obj {
     obj
 }
 
-fn written(mesh: &LabelledMesh, coloring: Coloring) -> (Obj, String) {
+fn written(mesh: &LabelledMesh, coloring: SavedColors) -> (Obj, String) {
     let folder = tempfile::tempdir().unwrap();
     let obj = read(&saved(mesh, &folder.path().join("my mesh.obj"), coloring));
     let materials = std::fs::read_to_string(folder.path().join(&obj.library)).unwrap();
@@ -61,7 +61,7 @@ fn written(mesh: &LabelledMesh, coloring: Coloring) -> (Obj, String) {
 
 #[test]
 fn each_label_is_an_object_with_its_faces() {
-    let (obj, materials) = written(&mesh(), Coloring::Image);
+    let (obj, materials) = written(&mesh(), SavedColors::Image);
     assert_eq!(obj.library, "my_mesh.mtl");
     let names = ["the_plant", "the_plant/feuille_été", "unlabelled"];
     assert_eq!(
@@ -110,7 +110,7 @@ fn each_label_is_an_object_with_its_faces() {
 
 #[test]
 fn label_coloring_writes_label_colours() {
-    let (obj, _) = written(&mesh(), Coloring::Labels);
+    let (obj, _) = written(&mesh(), SavedColors::Labels);
     let plain = &obj.faces[&("unlabelled".into(), "unlabelled".into())];
     let color: Vec<u8> = obj.vertices[plain[0][0]][3..]
         .iter()
@@ -140,7 +140,7 @@ fn labels_with_colliding_names_get_unique_objects() {
         .tree
         .rename(ostra_masks::LabelId(7), "the-plant!")
         .unwrap();
-    let (obj, materials) = written(&mesh, Coloring::Image);
+    let (obj, materials) = written(&mesh, SavedColors::Image);
     assert!(
         obj.faces
             .contains_key(&("the-plant_".into(), "the-plant_".into()))

@@ -4,7 +4,7 @@ use glam::IVec3;
 
 use super::voxels::{saved, voxels};
 use crate::UNLABELLED_COLOR;
-use crate::ply::Coloring;
+use crate::ply::SavedColors;
 use ostra_masks::LabelId;
 
 /// Reads numbers, strings and dictionaries in sequence.
@@ -129,7 +129,7 @@ fn read(bytes: &[u8]) -> Scene {
 #[test]
 fn each_label_is_an_upright_object_in_its_colour() {
     let places = [[0, 0, 0], [1, 0, 0], [0, -4, 0], [0, 0, 7]];
-    let scene = read(&saved(&voxels(&places), "v.vox", Coloring::Image).unwrap());
+    let scene = read(&saved(&voxels(&places), "v.vox", SavedColors::Image).unwrap());
     // x, z, -y of the world, relative to the centre of the ground.
     let expected = [
         ("the plant", [0, 51, 255], vec![[0, -4, 0]]),
@@ -155,7 +155,7 @@ fn large_objects_are_split_into_models() {
     let places: Vec<[i32; 3]> = (-350..350).map(|at| [at, at / 3, -at]).collect();
     let mut one = voxels(&places);
     one.labels.fill(LabelId(7));
-    let scene = read(&saved(&one, "v.vox", Coloring::Image).unwrap());
+    let scene = read(&saved(&one, "v.vox", SavedColors::Image).unwrap());
     assert!(scene.sizes.len() > 2 && scene.sizes.iter().all(|size| size.max_element() <= 256));
     let found: BTreeSet<[i32; 3]> = scene.objects["the plant"]
         .iter()
@@ -176,7 +176,7 @@ fn too_many_labels_are_an_error_with_a_hint() {
     let places: Vec<[i32; 3]> = (0..256).map(|at| [at, 0, 0]).collect();
     let mut many = voxels(&places);
     many.labels = (0..256).map(LabelId).collect();
-    let error = saved(&many, "v.vox", Coloring::Image)
+    let error = saved(&many, "v.vox", SavedColors::Image)
         .unwrap_err()
         .to_string();
     assert!(
@@ -184,5 +184,5 @@ fn too_many_labels_are_an_error_with_a_hint() {
         "{error}"
     );
     many.labels[255] = LabelId(1);
-    assert!(saved(&many, "v.vox", Coloring::Image).is_ok());
+    assert!(saved(&many, "v.vox", SavedColors::Image).is_ok());
 }

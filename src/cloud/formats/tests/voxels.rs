@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 
 use super::meshes::tree;
 use crate::formats::VoxelFormat;
-use crate::ply::Coloring;
+use crate::ply::SavedColors;
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::LabelId;
@@ -32,7 +32,7 @@ pub(super) fn voxels(places: &[[i32; 3]]) -> LabelledCloud {
 pub(super) fn saved(
     voxels: &LabelledCloud,
     name: &str,
-    coloring: Coloring,
+    coloring: SavedColors,
 ) -> Result<Vec<u8>, SceneError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
@@ -45,11 +45,11 @@ fn same_voxels_give_same_bytes_and_no_voxels_are_an_error() {
     let some = voxels(&[[0, 0, 0], [3, -2, 9], [4, 4, 4]]);
     for name in ["a.npz", "a.vox"] {
         assert_eq!(
-            saved(&some, name, Coloring::Image).unwrap(),
-            saved(&some, name, Coloring::Image).unwrap()
+            saved(&some, name, SavedColors::Image).unwrap(),
+            saved(&some, name, SavedColors::Image).unwrap()
         );
         assert!(
-            saved(&voxels(&[]), name, Coloring::Image)
+            saved(&voxels(&[]), name, SavedColors::Image)
                 .unwrap_err()
                 .to_string()
                 .contains("no voxels")

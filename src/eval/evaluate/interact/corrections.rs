@@ -5,7 +5,7 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use super::options::Aim;
-use super::outline::{Correction, DrawingTask, Drawn, corrections, outlined};
+use super::outline::{DrawingTask, DrawnMask, PolygonCorrection, corrections, outlined};
 use ostra_masks::{BorderDrag, ElasticBorders, LabelId, LabelMask, LabelTree};
 
 /// Draws what clicks could not correct, or returns `None` if no drawing pays.
@@ -16,7 +16,7 @@ use ostra_masks::{BorderDrag, ElasticBorders, LabelId, LabelMask, LabelTree};
 ///
 /// # Errors
 /// Returns an error if the masks differ in size.
-pub fn drawn(task: &DrawingTask<'_>) -> Result<Option<Drawn>> {
+pub fn drawn(task: &DrawingTask<'_>) -> Result<Option<DrawnMask>> {
     if task.aim.value(1.0, 1) <= task.value(task.mask, 0) {
         return Ok(None);
     }
@@ -33,12 +33,12 @@ const OF_BEST: f64 = 0.6;
 const LEAST_PX: f64 = 2.0;
 
 /// A change that is drawn by hand.
-enum Change {
-    Polygon(Correction),
+enum DrawnCorrection {
+    Polygon(PolygonCorrection),
     Pull(Pulled),
 }
 
-impl Change {
+impl DrawnCorrection {
     /// Returns the number of corrected pixels per click.
     fn worth(&self) -> f64 {
         match self {
@@ -55,7 +55,7 @@ impl Change {
         }
     }
 
-    fn made(&self, drawn: &Drawn, label: LabelId, tree: &LabelTree) -> Result<Drawn> {
+    fn made(&self, drawn: &DrawnMask, label: LabelId, tree: &LabelTree) -> Result<DrawnMask> {
         let mut next = drawn.clone();
         match self {
             Self::Polygon(correction) => {
@@ -73,7 +73,7 @@ impl Change {
 ///
 /// # Errors
 /// Returns an error if the masks differ in size.
-pub fn corrected(task: &DrawingTask<'_>, best: f64) -> Result<Option<Drawn>> {
+pub fn corrected(task: &DrawingTask<'_>, best: f64) -> Result<Option<DrawnMask>> {
     let mut drawn = task.undrawn();
     let mut value = task.value(task.mask, 0);
     loop {
@@ -104,16 +104,21 @@ pub fn corrected(task: &DrawingTask<'_>, best: f64) -> Result<Option<Drawn>> {
 }
 
 /// Returns the changes with the highest gain per click, the best one first.
-fn changes(truth: &LabelMask, mask: &LabelMask, label: LabelId, aim: &Aim) -> Result<Vec<Change>> {
-    let mut all: Vec<Change> = pulls(truth, mask, label, aim.finest_px)?
+fn changes(
+    truth: &LabelMask,
+    mask: &LabelMask,
+    label: LabelId,
+    aim: &Aim,
+) -> Result<Vec<DrawnCorrection>> {
+    let mut all: Vec<DrawnCorrection> = pulls(truth, mask, label, aim.finest_px)?
         .into_iter()
-        .map(Change::Pull)
+        .map(DrawnCorrection::Pull)
         .collect();
     for off_px in aim.off_px() {
         all.extend(
             corrections(truth, mask, label, off_px)?
                 .into_iter()
-                .map(Change::Polygon),
+                .map(DrawnCorrection::Polygon),
         );
     }
     all.sort_by(|a, b| b.worth().total_cmp(&a.worth()));
@@ -309,7 +314,7 @@ mod tests {
         mask: &LabelMask,
         price_beyond: f64,
         best: f64,
-    ) -> Option<Drawn> {
+    ) -> Option<DrawnMask> {
         let truth_region = truth.region(LABEL);
         let iou = |mask: &LabelMask| mask.region(LABEL).iou(&truth_region);
         let aim = Aim {

@@ -11,7 +11,7 @@ use ostra_masks::{
 
 /// The result of drawing with the polygon tool and of dragging borders.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Drawn {
+pub struct DrawnMask {
     /// Mask of the frame after drawing.
     pub mask: LabelMask,
     /// Number of polygon corners and border drags; each one is a click.
@@ -40,8 +40,8 @@ pub struct DrawingTask<'a> {
 
 impl DrawingTask<'_> {
     /// Returns the mask before drawing.
-    pub(super) fn undrawn(&self) -> Drawn {
-        Drawn {
+    pub(super) fn undrawn(&self) -> DrawnMask {
+        DrawnMask {
             mask: self.mask.clone(),
             corners: 0,
         }
@@ -56,7 +56,7 @@ impl DrawingTask<'_> {
 /// Returns the best drawing with polygons alone, and its value.
 ///
 /// If no drawing pays, returns `None` and the value of the unchanged mask.
-pub(super) fn outlined(task: &DrawingTask<'_>) -> Result<(Option<Drawn>, f64)> {
+pub(super) fn outlined(task: &DrawingTask<'_>) -> Result<(Option<DrawnMask>, f64)> {
     let mut best = (None, task.value(task.mask, 0));
     for off_px in task.aim.off_px() {
         let whole = drawn_whole(task, off_px)?;
@@ -72,7 +72,7 @@ pub(super) fn outlined(task: &DrawingTask<'_>) -> Result<(Option<Drawn>, f64)> {
 }
 
 /// Erases the label and draws it again; a label that does not belong there is erased by one click.
-fn drawn_whole(task: &DrawingTask<'_>, off_px: f64) -> Result<Option<Drawn>> {
+fn drawn_whole(task: &DrawingTask<'_>, off_px: f64) -> Result<Option<DrawnMask>> {
     let DrawingTask {
         truth,
         mask,
@@ -94,10 +94,11 @@ fn drawn_whole(task: &DrawingTask<'_>, off_px: f64) -> Result<Option<Drawn>> {
 /// Draws wrong parts one by one while that pays and can still exceed `best`.
 ///
 /// Returns `None` if nothing is drawn.
-fn drawn_parts(task: &DrawingTask<'_>, off_px: f64, best: f64) -> Result<Option<Drawn>> {
+fn drawn_parts(task: &DrawingTask<'_>, off_px: f64, best: f64) -> Result<Option<DrawnMask>> {
     let mut drawn = task.undrawn();
     let mut value = task.value(task.mask, 0);
-    for Correction { ring, include, .. } in corrections(task.truth, task.mask, task.label, off_px)?
+    for PolygonCorrection { ring, include, .. } in
+        corrections(task.truth, task.mask, task.label, off_px)?
     {
         if task.aim.value(1.0, drawn.corners + ring.len()) <= best {
             continue;
@@ -113,7 +114,7 @@ fn drawn_parts(task: &DrawingTask<'_>, off_px: f64, best: f64) -> Result<Option<
 }
 
 /// A polygon around a wrong part.
-pub(super) struct Correction {
+pub(super) struct PolygonCorrection {
     pub ring: Vec<DVec2>,
     pub include: bool,
     /// Number of corrected pixels per corner.
@@ -128,7 +129,7 @@ pub(super) fn corrections(
     mask: &LabelMask,
     label: LabelId,
     off_px: f64,
-) -> Result<Vec<Correction>> {
+) -> Result<Vec<PolygonCorrection>> {
     let mut all = Vec::new();
     for include in [true, false] {
         // Which pixels a polygon changes, and where the change is a correction.
@@ -163,7 +164,7 @@ pub(super) fn corrections(
                 .map(|at| if mends(truth.ids[at]) { 1 } else { -1 })
                 .sum();
             if corrected > 0 {
-                all.push(Correction {
+                all.push(PolygonCorrection {
                     worth: corrected as f64 / ring.len() as f64,
                     ring,
                     include,
@@ -176,7 +177,7 @@ pub(super) fn corrections(
     Ok(all)
 }
 
-impl Drawn {
+impl DrawnMask {
     pub(super) fn draw(
         &mut self,
         ring: &Vec<DVec2>,
@@ -224,11 +225,11 @@ mod tests {
     use super::*;
     use crate::evaluate::interact::tests::shape::{LABEL, SIZE, mask};
 
-    fn drawn_from(truth: &LabelMask, mask: &LabelMask) -> Option<Drawn> {
+    fn drawn_from(truth: &LabelMask, mask: &LabelMask) -> Option<DrawnMask> {
         drawn_for(truth, mask, 1.0)
     }
 
-    fn drawn_for(truth: &LabelMask, mask: &LabelMask, price_beyond: f64) -> Option<Drawn> {
+    fn drawn_for(truth: &LabelMask, mask: &LabelMask, price_beyond: f64) -> Option<DrawnMask> {
         let iou = |mask: &LabelMask| {
             let pairs = || mask.ids.iter().zip(&truth.ids);
             let both = pairs()
@@ -268,7 +269,7 @@ mod tests {
         let taken = mask(|x, y| (20..80).contains(&x) && (20..95).contains(&y));
         assert_eq!(
             drawn_from(&truth, &taken).unwrap(),
-            Drawn {
+            DrawnMask {
                 mask: truth.clone(),
                 corners: 4
             }
@@ -286,7 +287,7 @@ mod tests {
         assert_eq!(drawn_for(&truth, &nothing, 1.0).unwrap().corners, 4);
         assert_eq!(
             drawn_for(&truth, &nothing, 0.004).unwrap(),
-            Drawn {
+            DrawnMask {
                 mask: truth.clone(),
                 corners: 8
             }
@@ -338,7 +339,7 @@ mod tests {
         let drawn = drawn_from(&truth, &mask(|x, y| square(x, y) && y >= 25)).unwrap();
         assert_eq!(
             drawn,
-            Drawn {
+            DrawnMask {
                 mask: mask(square),
                 corners: 4
             }
@@ -351,7 +352,7 @@ mod tests {
         let stripes = mask(|x, y| (20..80).contains(&x) && (20..80).contains(&y) && x / 5 % 2 == 0);
         assert_eq!(
             drawn_from(&truth, &stripes).unwrap(),
-            Drawn {
+            DrawnMask {
                 mask: truth.clone(),
                 corners: 4
             }
@@ -375,7 +376,7 @@ mod tests {
         let drawn = drawn_from(&line, &adjacent);
         assert_eq!(
             drawn,
-            Some(Drawn {
+            Some(DrawnMask {
                 mask: line,
                 corners: 4
             }),

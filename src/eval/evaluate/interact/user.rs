@@ -6,7 +6,7 @@ use anyhow::Result;
 
 use super::corrections::drawn;
 use super::options::{Aim, Hand};
-use super::outline::{DrawingTask, Drawn};
+use super::outline::{DrawingTask, DrawnMask};
 use super::{InteractOptions, Sequence};
 use crate::simulated_click::next_label_click;
 use ostra_core::job::Progress;
@@ -22,14 +22,14 @@ const LEAST_GAIN: f64 = 0.01;
 
 /// Clicks on a label during a visit.
 #[derive(Clone, Copy, Default)]
-struct Given {
+struct VisitClicks {
     clicks: usize,
     /// Number of clicks since the last effective one.
     in_vain: usize,
     best_iou: f64,
 }
 
-impl Given {
+impl VisitClicks {
     /// Records a click and the IoU after it.
     fn note(&mut self, iou: f64) {
         self.clicks += 1;
@@ -146,11 +146,11 @@ impl<'a> RobotUser<'a> {
         let truth = self.setup.sequence.truth_of(frame)?.decode();
         let was = self.frame_iou(frame)?;
         let mut best = (was, self.project.clone());
-        let mut given: BTreeMap<LabelId, Given> = BTreeMap::new();
+        let mut given: BTreeMap<LabelId, VisitClicks> = BTreeMap::new();
         while !self.is_spent() {
             let ious = self.ious(frame)?;
             let is_open = |(id, requested): &(&LabelId, &Clicks)| {
-                let so_far: Given = given.get(id).copied().unwrap_or_default();
+                let so_far: VisitClicks = given.get(id).copied().unwrap_or_default();
                 let is_poor = ious.get(id).is_some_and(|&iou| iou < requested.good_iou);
                 is_poor
                     && so_far.clicks < requested.most
@@ -165,9 +165,9 @@ impl<'a> RobotUser<'a> {
             let click = self.annotator.place(&next, &truth, &mask);
             self.click(frame, next.label, click)?;
             let now = self.ious(frame)?.get(&next.label).copied().unwrap_or(0.0);
-            let before = Given {
+            let before = VisitClicks {
                 best_iou: ious.get(&next.label).copied().unwrap_or(0.0),
-                ..Given::default()
+                ..VisitClicks::default()
             };
             given.entry(next.label).or_insert(before).note(now);
             let iou = self.frame_iou(frame)?;
@@ -212,7 +212,7 @@ impl<'a> RobotUser<'a> {
             aim,
         })?;
         let affordable = self.most_clicks - self.clicks;
-        let Some(Drawn { mask, corners }) = drawn.filter(|drawn| drawn.corners <= affordable)
+        let Some(DrawnMask { mask, corners }) = drawn.filter(|drawn| drawn.corners <= affordable)
         else {
             return Ok(());
         };

@@ -3,7 +3,11 @@ use glam::{DVec2, DVec3};
 use super::*;
 
 /// Returns every `step`-th labelled pixel (column, row) with its world point.
-fn labelled_points(view: &View, rendered: &RenderedView, step: usize) -> Vec<((u32, u32), DVec3)> {
+fn labelled_points(
+    view: &SyntheticView,
+    rendered: &RenderedView,
+    step: usize,
+) -> Vec<((u32, u32), DVec3)> {
     let width = view.camera.width;
     let labelled = (0..rendered.mask.ids.len()).filter(|&k| rendered.mask.ids[k] != LabelId::NONE);
     let point = |k: usize| {
@@ -22,7 +26,7 @@ fn labelled_points(view: &View, rendered: &RenderedView, step: usize) -> Vec<((u
 }
 
 /// Returns a camera with 3 × 3 pixels whose central pixel is centred on a point.
-fn aimed(view: &View, x: DVec3) -> View {
+fn aimed(view: &SyntheticView, x: DVec3) -> SyntheticView {
     let at_px = view
         .camera
         .project(view.camera_from_world.transform(x))
@@ -159,8 +163,9 @@ fn visible_cloud_excludes_hidden_surfaces() {
     assert!(count(&seen, "stem") < 0.55 * count(&all, "stem"));
     assert!(count(&seen, "leaf") > 0.75 * count(&all, "leaf"));
     for (x, normal) in seen.positions.iter().zip(&seen.normals) {
-        let towards =
-            |view: &View| (view.camera_from_world.centre().as_vec3() - x).dot(*normal) > 0.0;
+        let towards = |view: &SyntheticView| {
+            (view.camera_from_world.centre().as_vec3() - x).dot(*normal) > 0.0
+        };
         assert!(scene.views.iter().any(towards));
     }
     let with_wall = cloud(2, Some(0.02));

@@ -3,10 +3,10 @@ use glam::{DVec3, Vec3};
 use super::super::bricks::build_bricks;
 use super::super::tiller::build_tiller;
 use super::*;
-use crate::synthetic::model::{Assembly, Part};
+use crate::synthetic::model::{Assembly, ScenePart};
 
-fn parts<'a>(assembly: &'a Assembly, ending: &str) -> Vec<&'a Part> {
-    let named = |part: &&Part| {
+fn parts<'a>(assembly: &'a Assembly, ending: &str) -> Vec<&'a ScenePart> {
+    let named = |part: &&ScenePart| {
         assembly
             .tree
             .get(part.label)
@@ -24,7 +24,7 @@ fn organ_points<'a>(assembly: &'a Assembly) -> impl Iterator<Item = DVec3> + 'a 
 }
 
 /// Returns the lengths of the rows of a patch with `columns` cells per row.
-fn row_lengths(part: &Part, columns: usize) -> Vec<f64> {
+fn row_lengths(part: &ScenePart, columns: usize) -> Vec<f64> {
     let rows = part.mesh.positions.chunks(columns + 1);
     rows.map(|row| row.windows(2).map(|pair| pair[0].distance(pair[1])).sum())
         .collect()
@@ -37,7 +37,7 @@ fn plant_has_the_documented_dimensions() {
         let (low, high) =
             organ_points(&assembly).fold((f64::MAX, 0.0_f64), |(l, h), x| (l.min(x.z), h.max(x.z)));
         assert!((high - 0.6).abs() < 1e-4 && low > -1e-3, "{low} {high}");
-        let stems: Vec<&Part> = ["stem 1", "stem 2", "stem 3"]
+        let stems: Vec<&ScenePart> = ["stem 1", "stem 2", "stem 3"]
             .iter()
             .flat_map(|name| parts(&assembly, name))
             .collect();
@@ -62,7 +62,7 @@ fn plant_has_the_documented_dimensions() {
 #[test]
 fn sheaths_wrap_around_their_culm() {
     let assembly = build_tiller(4);
-    let stems: Vec<&Part> = ["stem 1", "stem 2", "stem 3"]
+    let stems: Vec<&ScenePart> = ["stem 1", "stem 2", "stem 3"]
         .iter()
         .flat_map(|name| parts(&assembly, name))
         .collect();
@@ -95,7 +95,7 @@ struct Spheroid {
 const HALF: [f64; 2] = [0.0035, 0.0015];
 
 impl Spheroid {
-    fn of(grain: &Part) -> Self {
+    fn of(grain: &ScenePart) -> Self {
         let points = &grain.mesh.positions;
         let (tail, head) = (points[0], points[points.len() - 1]);
         Self {
@@ -335,7 +335,7 @@ fn every_brick_label_is_visible_in_two_views() {
 #[test]
 fn wheels_rest_on_the_table_and_are_separate() {
     let assembly = build_bricks(3);
-    let wheels: Vec<&Part> = (1..=6)
+    let wheels: Vec<&ScenePart> = (1..=6)
         .flat_map(|k| parts(&assembly, &format!("wheel {k}")))
         .collect();
     assert_eq!(wheels.len(), 6);

@@ -3,7 +3,7 @@ use std::sync::Arc;
 
 use tempfile::TempDir;
 
-use crate::synthetic::{RenderedView, Scene, SceneOptions, View};
+use crate::synthetic::{RenderedView, Scene, SceneOptions, SyntheticView};
 use ostra_frames::{DepthSource, Frame, FrameStore, ImageSource, Orientation};
 use ostra_masks::{Direction, LabelId, LabelMask, TrackRequest};
 
@@ -98,7 +98,7 @@ fn throw(rendered: &mut RenderedView, middle: [f32; 2]) {
     }
 }
 
-fn frame(folder: &Path, view: &View, rendered: &RenderedView) -> Frame {
+fn frame(folder: &Path, view: &SyntheticView, rendered: &RenderedView) -> Frame {
     let (width, height) = (rendered.image.width, rendered.image.height);
     let [image, depth] =
         ["picture", "depth"].map(|kind| folder.join(format!("{kind}-{}.png", view.name)));

@@ -8,14 +8,14 @@
 //! Devlin et al.: "BERT: Pre-training of Deep Bidirectional Transformers for Language
 //! Understanding", NAACL 2019.
 
-mod answer;
 mod caption;
+mod grounding_output;
 mod network;
 mod network_input;
 
 #[cfg(test)]
 mod tests;
 
-pub use answer::Answer;
 pub use caption::{Caption, Tokenizer};
+pub use grounding_output::GroundingOutput;
 pub use network::GroundingDino;

@@ -3,8 +3,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::DVec2;
 
-use super::answer::Answer;
 use super::caption::{Caption, Tokenizer};
+use super::grounding_output::GroundingOutput;
 use super::network_input::NetworkInput;
 use crate::{GroundRequest, Grounded, MaskError, TextGrounder};
 use ostra_compute::nn::{Network, NnError, Tensor, load, load_text};
@@ -18,7 +18,7 @@ use ostra_frames::Image;
 pub struct GroundingDino {
     network: Network,
     tokenizer: Tokenizer,
-    last: Mutex<Option<(NetworkInput, Arc<Answer>)>>,
+    last: Mutex<Option<(NetworkInput, Arc<GroundingOutput>)>>,
 }
 
 /// Output of the network for every query.
@@ -85,7 +85,7 @@ impl GroundingDino {
         image: &Image,
         phrases: &[String],
         progress: &Progress,
-    ) -> Result<Arc<Answer>, MaskError> {
+    ) -> Result<Arc<GroundingOutput>, MaskError> {
         let caption = Caption::new(&self.tokenizer, phrases)?;
         let input = NetworkInput::new(image)?;
         progress.step(0, 1)?;
@@ -94,7 +94,7 @@ impl GroundingDino {
             answer
         } else {
             let RawAnswer { logits, boxes } = self.run(&input, &caption, progress)?;
-            let answer = Arc::new(Answer {
+            let answer = Arc::new(GroundingOutput {
                 caption,
                 logits,
                 boxes,
@@ -114,7 +114,7 @@ impl GroundingDino {
         input: &NetworkInput,
         caption: &Caption,
         size_px: DVec2,
-    ) -> Option<Arc<Answer>> {
+    ) -> Option<Arc<GroundingOutput>> {
         let last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         let (before, answer) = last.as_ref()?;
         let is_same = before == input && answer.caption == *caption && answer.size_px == size_px;

@@ -3,7 +3,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::frame::SamFrame;
 use super::network::Sam;
-use super::part::Part;
+use super::part::ImagePart;
 use super::segment::hold;
 use crate::{Click, MaskError, PreparedFrame, Prompt, PxBox, Region, SegmentRequest};
 use ostra_core::job::Progress;
@@ -43,12 +43,12 @@ impl CloseUps {
     fn around(&self, prompt: &Prompt, progress: &Progress) -> Result<Arc<SamFrame>, MaskError> {
         let (width, height) = (self.image.width, self.image.height);
         let prompt = &shown_prompt(prompt);
-        let wanted = Part::around(prompt, width, height, self.sam.side())
-            .unwrap_or(Part::whole(width, height));
+        let wanted = ImagePart::around(prompt, width, height, self.sam.side())
+            .unwrap_or(ImagePart::whole(width, height));
         // Locked while a part is embedded, so that it is not embedded twice.
         let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
         let will_do =
-            |part: Part| part.side() <= wanted.side() * MOST_LONGER && part.holds_all(prompt);
+            |part: ImagePart| part.side() <= wanted.side() * MOST_LONGER && part.holds_all(prompt);
         if let Some(known) = seen.iter().rev().find(|known| will_do(known.part())) {
             return Ok(Arc::clone(known));
         }
@@ -113,7 +113,7 @@ fn shown_prompt(prompt: &Prompt) -> Prompt {
     }
 }
 
-impl Part {
+impl ImagePart {
     /// Returns the length of the longer side.
     fn side(self) -> u32 {
         self.width.max(self.height)

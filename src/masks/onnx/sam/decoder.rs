@@ -46,7 +46,7 @@ const FINE: usize = 4;
 
 /// A prompt as the decoder expects it.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Question {
+pub(super) struct DecoderPrompt {
     /// Positions in pixels of the encoder's square, relative to the centre of the first pixel.
     pub points: Vec<[f32; 2]>,
     /// Kind of each point.
@@ -66,16 +66,16 @@ pub(super) enum PointKind {
 
 /// Candidate masks for a prompt.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Answers {
+pub(super) struct CandidateMasks {
     /// Mask for clear prompts; `None` if the network does not choose.
-    pub clear: Option<Answer>,
+    pub clear: Option<MaskPrediction>,
     /// Masks for ambiguous prompts; empty if the network has chosen.
-    pub others: Vec<Answer>,
+    pub others: Vec<MaskPrediction>,
 }
 
 /// A mask and its predicted quality.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Answer {
+pub(super) struct MaskPrediction {
     /// Logits, row by row, [`Decoder::fine`] along each side; above 0 = inside.
     pub logits: Vec<f32>,
     /// Predicted IoU.
@@ -84,7 +84,7 @@ pub(super) struct Answer {
     pub is_given: bool,
 }
 
-impl Question {
+impl DecoderPrompt {
     /// Adds a point.
     pub fn add(&mut self, at: [f32; 2], kind: PointKind) {
         self.points.push(at);
@@ -185,26 +185,26 @@ impl Decoder {
     pub fn run(
         &self,
         embedding: &Tensor,
-        asked: &Question,
+        prompt: &DecoderPrompt,
         before: Option<&[f32]>,
-    ) -> Result<Answers, MaskError> {
+    ) -> Result<CandidateMasks, MaskError> {
         match self.dialect {
-            Dialect::Sam => self.run_sam(embedding, asked, before),
-            Dialect::Efficient => self.run_efficient(embedding, asked),
+            Dialect::Sam => self.run_sam(embedding, prompt, before),
+            Dialect::Efficient => self.run_efficient(embedding, prompt),
         }
     }
 
     fn run_sam(
         &self,
         embedding: &Tensor,
-        asked: &Question,
+        prompt: &DecoderPrompt,
         before: Option<&[f32]>,
-    ) -> Result<Answers, MaskError> {
-        let (count, fine) = (asked.points.len(), self.fine());
-        let points = floats(&[1, count, 2], asked.points.as_flattened().to_vec())?;
+    ) -> Result<CandidateMasks, MaskError> {
+        let (count, fine) = (prompt.points.len(), self.fine());
+        let points = floats(&[1, count, 2], prompt.points.as_flattened().to_vec())?;
         let kinds = floats(
             &[1, count],
-            asked.kinds.iter().map(|kind| kind.number()).collect(),
+            prompt.kinds.iter().map(|kind| kind.number()).collect(),
         )?;
         let mask = floats(
             &[1, 1, fine, fine],
@@ -223,17 +223,21 @@ impl Decoder {
             ("orig_im_size", &size),
         ];
         let mut answers = self.answers(&fed, "low_res_masks", &[1, 4])?;
-        Ok(Answers {
+        Ok(CandidateMasks {
             clear: Some(answers.remove(0)),
             others: answers,
         })
     }
 
-    fn run_efficient(&self, embedding: &Tensor, asked: &Question) -> Result<Answers, MaskError> {
+    fn run_efficient(
+        &self,
+        embedding: &Tensor,
+        prompt: &DecoderPrompt,
+    ) -> Result<CandidateMasks, MaskError> {
         // Masks have the size in which points are given; at the size of the logits nothing is
         // resampled.
         let (fine, side) = (self.fine(), self.canvas().side);
-        let all = || asked.points.iter().zip(&asked.kinds);
+        let all = || prompt.points.iter().zip(&prompt.kinds);
         let corners: Vec<_> = all().filter(|(_, kind)| kind.is_corner()).collect();
         let clicks: Vec<_> = all()
             .filter(|(_, kind)| **kind == PointKind::Include)
@@ -254,7 +258,7 @@ impl Decoder {
             ("batched_point_labels", &kinds),
             ("orig_im_size", &size),
         ];
-        Ok(Answers {
+        Ok(CandidateMasks {
             clear: None,
             others: self.answers(&fed, "output_masks", &[3])?,
         })
@@ -266,7 +270,7 @@ impl Decoder {
         fed: &[(&str, &Tensor)],
         masks: &str,
         counts: &[usize],
-    ) -> Result<Vec<Answer>, MaskError> {
+    ) -> Result<Vec<MaskPrediction>, MaskError> {
         let given = self.network.run(fed).map_err(network_error)?;
         let ports = &self.network.signature().outputs;
         let named = |name: &str| {
@@ -294,7 +298,7 @@ impl Decoder {
                 "{path}: gives no masks of {fine}×{fine} with their scores"
             ))
         };
-        let answer = |(logits, &score): (&[f32], &f32)| Answer {
+        let answer = |(logits, &score): (&[f32], &f32)| MaskPrediction {
             logits: logits.to_vec(),
             score,
             is_given: false,

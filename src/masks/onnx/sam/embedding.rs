@@ -1,4 +1,4 @@
-use super::part::Part;
+use super::part::ImagePart;
 use crate::MaskError;
 
 /// Output of the image encoder: everything needed to answer prompts.
@@ -11,7 +11,7 @@ pub struct Embedding {
     /// Rows of the whole image.
     pub height: u32,
     /// Part of the image that the network saw.
-    pub part: Part,
+    pub part: ImagePart,
     /// Number of values per cell.
     pub channels: usize,
     /// Number of cells along each side.
@@ -30,7 +30,7 @@ impl Embedding {
     /// are little-endian.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
-        let Part {
+        let ImagePart {
             x,
             y,
             width,
@@ -65,7 +65,7 @@ impl Embedding {
             .collect();
         let (head, values) = words.split_at_checked(HEAD).ok_or_else(broken)?;
         let head: Vec<u32> = head.iter().map(|&word| u32::from_le_bytes(word)).collect();
-        let part = Part {
+        let part = ImagePart {
             x: head[2],
             y: head[3],
             width: head[4],

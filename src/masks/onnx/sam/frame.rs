@@ -4,11 +4,12 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::decoder::{
-    Answer, Answers, Decoder, Dialect, EmbeddingShape, PointKind, Question, network_error,
+    CandidateMasks, Decoder, DecoderPrompt, Dialect, EmbeddingShape, MaskPrediction, PointKind,
+    network_error,
 };
 use super::embedding::Embedding;
 use super::mask_logits::enlarged;
-use super::part::{Canvas, Part};
+use super::part::{Canvas, ImagePart};
 use crate::{Click, MaskError, PxBox, Region};
 use ostra_compute::nn::Tensor;
 
@@ -19,21 +20,21 @@ pub struct SamFrame {
     embedding: Tensor,
     width: u32,
     height: u32,
-    part: Part,
+    part: ImagePart,
     /// Cache of the latest answers.
     ///
-    /// A new click adds one question to those already answered; moving the pointer repeats the last
+    /// A new click adds one prompt to those already answered; moving the pointer repeats the last
     /// one.
-    known: Mutex<VecDeque<(AnswerKey, Arc<Answer>)>>,
+    known: Mutex<VecDeque<(AnswerKey, Arc<MaskPrediction>)>>,
 }
 
-/// A question and the answer that it refines.
+/// A prompt and the answer that it refines.
 ///
 /// The earlier answer is kept alive, so that its address stays unique.
 #[derive(Debug)]
 struct AnswerKey {
-    question: Question,
-    before: Option<Arc<Answer>>,
+    prompt: DecoderPrompt,
+    before: Option<Arc<MaskPrediction>>,
 }
 
 /// Maximum number of cached answers.
@@ -79,7 +80,7 @@ impl SamFrame {
 
     /// Returns the part of the image that the network saw.
     #[must_use]
-    pub fn part(&self) -> Part {
+    pub fn part(&self) -> ImagePart {
         self.part
     }
 
@@ -101,15 +102,15 @@ impl SamFrame {
         &self,
         clicks: &[Click],
         within: Option<&PxBox>,
-        before: Option<&Arc<Answer>>,
-    ) -> Result<Arc<Answer>, MaskError> {
-        let question = self.question(clicks, within);
+        before: Option<&Arc<MaskPrediction>>,
+    ) -> Result<Arc<MaskPrediction>, MaskError> {
+        let prompt = self.decoder_prompt(clicks, within);
         let is_same = |key: &AnswerKey| {
             let same_before = match (&key.before, before) {
                 (Some(a), Some(b)) => Arc::ptr_eq(a, b),
                 (a, b) => a.is_none() && b.is_none(),
             };
-            same_before && key.question == question
+            same_before && key.prompt == prompt
         };
         let known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, answer)) = known.iter().find(|(key, _)| is_same(key)) {
@@ -121,7 +122,7 @@ impl SamFrame {
                 let is_ambiguous = clicks.len() == 1 && within.is_none() && before.is_none();
                 let logits = before.map(|answer| answer.logits.as_slice());
                 chosen(
-                    self.decoder.run(&self.embedding, &question, logits)?,
+                    self.decoder.run(&self.embedding, &prompt, logits)?,
                     is_ambiguous,
                 )?
             }
@@ -132,7 +133,7 @@ impl SamFrame {
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         known.push_back((
             AnswerKey {
-                question,
+                prompt,
                 before: before.cloned(),
             },
             Arc::clone(&answer),
@@ -144,8 +145,8 @@ impl SamFrame {
     }
 
     /// Returns all candidate masks for a click with the network's scores; they are not cached.
-    pub(super) fn masks_at(&self, click: Click) -> Result<Vec<Answer>, MaskError> {
-        let Answers { clear, others } = self.masks(&[click], None)?;
+    pub(super) fn masks_at(&self, click: Click) -> Result<Vec<MaskPrediction>, MaskError> {
+        let CandidateMasks { clear, others } = self.masks(&[click], None)?;
         Ok(if others.is_empty() {
             clear.into_iter().collect()
         } else {
@@ -158,34 +159,34 @@ impl SamFrame {
         &self,
         clicks: &[Click],
         within: Option<&PxBox>,
-    ) -> Result<Answers, MaskError> {
+    ) -> Result<CandidateMasks, MaskError> {
         self.decoder
-            .run(&self.embedding, &self.question(clicks, within), None)
+            .run(&self.embedding, &self.decoder_prompt(clicks, within), None)
     }
 
-    fn question(&self, clicks: &[Click], within: Option<&PxBox>) -> Question {
+    fn decoder_prompt(&self, clicks: &[Click], within: Option<&PxBox>) -> DecoderPrompt {
         let (part, canvas) = (self.part, self.canvas());
-        let mut question = Question::default();
+        let mut prompt = DecoderPrompt::default();
         for click in clicks {
             let kind = if click.include {
                 PointKind::Include
             } else {
                 PointKind::Exclude
             };
-            question.add(part.canvas_point(click.at_px, canvas), kind);
+            prompt.add(part.canvas_point(click.at_px, canvas), kind);
         }
         if let Some(within) = within {
             let [first, last] = part.canvas_corners(within, canvas);
-            question.add(first, PointKind::FirstCorner);
-            question.add(last, PointKind::LastCorner);
+            prompt.add(first, PointKind::FirstCorner);
+            prompt.add(last, PointKind::LastCorner);
         } else {
-            question.add([0.0; 2], PointKind::Padding);
+            prompt.add([0.0; 2], PointKind::Padding);
         }
-        question
+        prompt
     }
 
     /// Returns the logit of an answer under a click.
-    pub(super) fn logit_at(&self, answer: &Answer, click: &Click) -> f32 {
+    pub(super) fn logit_at(&self, answer: &MaskPrediction, click: &Click) -> f32 {
         let (fine, canvas) = (self.fine(), self.canvas());
         let cell =
             |at: f32| (((at + 0.5) * fine as f32 / canvas.side as f32) as usize).min(fine - 1);
@@ -194,12 +195,12 @@ impl SamFrame {
     }
 
     /// Returns the logits of an answer at the size of the part, row by row.
-    pub(super) fn enlarged(&self, answer: &Answer) -> Vec<f32> {
+    pub(super) fn enlarged(&self, answer: &MaskPrediction) -> Vec<f32> {
         enlarged(&answer.logits, self.fine(), self.part, self.canvas())
     }
 
     /// Returns the pixels inside an answer.
-    pub(super) fn region(&self, answer: &Answer) -> Region {
+    pub(super) fn region(&self, answer: &MaskPrediction) -> Region {
         let mut region = Region::empty(self.width, self.height);
         let columns = self.part.width as usize;
         let rows = region
@@ -225,7 +226,10 @@ pub(super) fn bytes_of(decoder: &Decoder) -> usize {
 /// Returns the mask for a clear prompt, or the best one for an ambiguous prompt.
 ///
 /// If the network gives only one kind, that kind is used.
-fn chosen(Answers { clear, mut others }: Answers, is_ambiguous: bool) -> Result<Answer, MaskError> {
+fn chosen(
+    CandidateMasks { clear, mut others }: CandidateMasks,
+    is_ambiguous: bool,
+) -> Result<MaskPrediction, MaskError> {
     // Stable sort: the first of equal scores is taken.
     others.sort_by(|a, b| b.score.total_cmp(&a.score));
     let surest = others.into_iter().next();
@@ -247,9 +251,9 @@ impl SamFrame {
         &self,
         clicks: &[Click],
         within: Option<&PxBox>,
-        before: Option<&Answer>,
-    ) -> Result<Answer, MaskError> {
-        let holds_all = |answer: &&Answer| {
+        before: Option<&MaskPrediction>,
+    ) -> Result<MaskPrediction, MaskError> {
+        let holds_all = |answer: &&MaskPrediction| {
             self.matched_clicks(answer, clicks, true) == includes(clicks).count()
         };
         let found = match before.filter(|before| before.is_given).filter(holds_all) {
@@ -272,21 +276,21 @@ impl SamFrame {
     /// Returns the mask that satisfies the most include clicks.
     ///
     /// Ties are broken by the number of satisfied exclude clicks, then by score.
-    fn best_match(&self, found: Vec<Answer>, clicks: &[Click]) -> Option<Answer> {
+    fn best_match(&self, found: Vec<MaskPrediction>, clicks: &[Click]) -> Option<MaskPrediction> {
         let ranked = found.into_iter().map(|answer| {
             (
                 [true, false].map(|kind| self.matched_clicks(&answer, clicks, kind)),
                 answer,
             )
         });
-        let better = |a: &([usize; 2], Answer), b: &([usize; 2], Answer)| {
+        let better = |a: &([usize; 2], MaskPrediction), b: &([usize; 2], MaskPrediction)| {
             b.0.cmp(&a.0).then(b.1.score.total_cmp(&a.1.score))
         };
         ranked.min_by(better).map(|(_, answer)| answer)
     }
 
     /// Returns how many clicks of a kind an answer satisfies.
-    fn matched_clicks(&self, answer: &Answer, clicks: &[Click], include: bool) -> usize {
+    fn matched_clicks(&self, answer: &MaskPrediction, clicks: &[Click], include: bool) -> usize {
         let of_kind = clicks.iter().filter(|click| click.include == include);
         of_kind
             .filter(|click| (self.logit_at(answer, click) > 0.0) == include)
@@ -300,8 +304,8 @@ impl SamFrame {
         &self,
         at: &Click,
         clicks: &[Click],
-        answer: &Answer,
-    ) -> Result<Option<Answer>, MaskError> {
+        answer: &MaskPrediction,
+    ) -> Result<Option<MaskPrediction>, MaskError> {
         let at = Click {
             include: true,
             ..*at

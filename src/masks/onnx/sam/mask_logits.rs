@@ -1,11 +1,11 @@
 use rayon::prelude::*;
 
-use super::part::{Canvas, Part};
+use super::part::{Canvas, ImagePart};
 use crate::Region;
 use ostra_core::image::ImageSize;
 
 /// Weights of consecutive logits that sum to one pixel.
-struct Taps {
+struct LogitTaps {
     first: usize,
     weights: Vec<f32>,
 }
@@ -16,7 +16,7 @@ struct Taps {
 /// interpolated bilinearly to the square, cropped to the area that shows the part, and interpolated
 /// bilinearly to the part. If the part fills the square, this is a single step. Both steps are
 /// weighted sums along rows and columns and are done at once.
-pub(super) fn enlarged(logits: &[f32], fine: usize, part: Part, canvas: Canvas) -> Vec<f32> {
+pub(super) fn enlarged(logits: &[f32], fine: usize, part: ImagePart, canvas: Canvas) -> Vec<f32> {
     // With one pixel per logit, the step to the square changes nothing.
     let canvas = if canvas.is_filled {
         Canvas {
@@ -56,7 +56,7 @@ pub(super) fn enlarged(logits: &[f32], fine: usize, part: Part, canvas: Canvas) 
 }
 
 /// Returns the weights from `fine` to `side`, cropped to `shown`, to `out`.
-fn taps(fine: usize, side: usize, shown: usize, out: usize) -> Vec<Taps> {
+fn taps(fine: usize, side: usize, shown: usize, out: usize) -> Vec<LogitTaps> {
     let one = |at: usize| {
         let parts = between(at, out, shown);
         let both =
@@ -77,7 +77,7 @@ fn taps(fine: usize, side: usize, shown: usize, out: usize) -> Vec<Taps> {
         both.as_flattened()
             .iter()
             .for_each(|&(at, weight)| weights[at - first] += weight as f32);
-        Taps { first, weights }
+        LogitTaps { first, weights }
     };
     (0..out).map(one).collect()
 }
@@ -90,7 +90,7 @@ fn between(at: usize, to: usize, from: usize) -> [(usize, f64); 2] {
     [(first, 1.0 - share), ((first + 1).min(from - 1), share)]
 }
 
-impl Taps {
+impl LogitTaps {
     fn sum(&self, value: impl Fn(usize) -> f32) -> f32 {
         self.weights
             .iter()
@@ -108,7 +108,7 @@ const CONFIDENT: f32 = 10.0;
 /// Converts a region of the image to logits that the decoder can refine.
 ///
 /// Returns `fine · fine` logits of the square, from the share of each cell that is inside.
-pub(super) fn hint(region: &Region, part: Part, canvas: Canvas, fine: usize) -> Vec<f32> {
+pub(super) fn hint(region: &Region, part: ImagePart, canvas: Canvas, fine: usize) -> Vec<f32> {
     let ImageSize {
         width: columns,
         height: rows,

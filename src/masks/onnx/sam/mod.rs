@@ -20,5 +20,5 @@ pub use close_ups::CloseUps;
 pub use embedding::Embedding;
 pub use frame::SamFrame;
 pub use network::Sam;
-pub use part::Part;
+pub use part::ImagePart;
 pub use segment::EverythingOptions;

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::decoder::{Decoder, Dialect, EmbeddingShape, network_error};
 use super::embedding::Embedding;
 use super::frame::{SamFrame, bytes_of};
-use super::part::{Canvas, Part};
+use super::part::{Canvas, ImagePart};
 use crate::onnx::resize::resized;
 use crate::{MaskError, PreparedFrame, Segmenter};
 use ostra_compute::nn::{Network, NnError, Signature, Tensor, load};
@@ -98,13 +98,13 @@ impl Sam {
     pub fn embed(
         &self,
         image: &Image,
-        part: Part,
+        part: ImagePart,
         progress: &Progress,
     ) -> Result<Embedding, MaskError> {
         let Image { width, height, .. } = *image;
         if !part.is_within(width, height) || image.pixels.len() != width as usize * height as usize
         {
-            let Part {
+            let ImagePart {
                 x,
                 y,
                 width: columns,
@@ -176,7 +176,7 @@ impl Segmenter for Sam {
         _depth: Option<&Arc<DepthMap>>,
         progress: &Progress,
     ) -> Result<Arc<dyn PreparedFrame>, MaskError> {
-        let embedding = self.embed(image, Part::whole(image.width, image.height), progress)?;
+        let embedding = self.embed(image, ImagePart::whole(image.width, image.height), progress)?;
         Ok(Arc::new(self.frame(&embedding)?))
     }
 }
@@ -191,7 +191,7 @@ fn takes(signature: &Signature, name: &str, size: [Option<usize>; 2]) -> bool {
 }
 
 /// Returns the pixels of a part, row by row.
-fn pixels(image: &Image, part: Part) -> Vec<[u8; 3]> {
+fn pixels(image: &Image, part: ImagePart) -> Vec<[u8; 3]> {
     let rows = image
         .pixels
         .chunks_exact(image.width as usize)
@@ -203,7 +203,7 @@ fn pixels(image: &Image, part: Part) -> Vec<[u8; 3]> {
 }
 
 /// Returns the part with colours from 0 to 1; `EfficientSAM` resizes it to its square itself.
-fn fed_unscaled(image: &Image, part: Part) -> Result<Tensor, NnError> {
+fn fed_unscaled(image: &Image, part: ImagePart) -> Result<Tensor, NnError> {
     let pixels = pixels(image, part);
     let plane = |channel: usize| {
         pixels
@@ -220,7 +220,7 @@ fn fed_unscaled(image: &Image, part: Part) -> Result<Tensor, NnError> {
 ///
 /// Its longer side is as long as the square. Colours are normalised, and the rest at the right and
 /// below is zero.
-fn fed(image: &Image, part: Part, canvas: Canvas) -> Result<Tensor, NnError> {
+fn fed(image: &Image, part: ImagePart, canvas: Canvas) -> Result<Tensor, NnError> {
     let (shown, side) = (part.shown(canvas), canvas.side);
     let small = resized(
         &pixels(image, part),

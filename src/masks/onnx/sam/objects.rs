@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use super::decoder::Answer;
+use super::decoder::MaskPrediction;
 use super::frame::SamFrame;
 use super::mask_logits::hint;
 use crate::{Click, Connectivity, MaskError, PxBox, Region, components, deepest_point};
@@ -13,17 +13,17 @@ use crate::{Click, Connectivity, MaskError, PxBox, Region, components, deepest_p
 /// The objects of one label.
 pub(super) struct Objects<'a> {
     frame: &'a SamFrame,
-    objects: Vec<Object>,
+    objects: Vec<PromptedObject>,
     excludes: Vec<Click>,
     /// Pixels that are kept unchanged.
     kept: Region,
 }
 
 /// One object: its clicks and box, and the network's answer.
-struct Object {
+struct PromptedObject {
     within: Option<PxBox>,
     clicks: Vec<Click>,
-    answer: Arc<Answer>,
+    answer: Arc<MaskPrediction>,
     /// Pixels of the answer if it was not predicted by the network.
     given: Option<Region>,
 }
@@ -47,7 +47,7 @@ impl<'a> Objects<'a> {
         };
         for within in boxes {
             let answer = frame.ask(&[], Some(within), None)?;
-            found.objects.push(Object {
+            found.objects.push(PromptedObject {
                 within: Some(*within),
                 clicks: Vec::new(),
                 answer,
@@ -92,10 +92,10 @@ impl<'a> Objects<'a> {
                 .into_iter()
                 .filter(|click| frame.part().holds(click.at_px))
                 .collect();
-            Object {
+            PromptedObject {
                 within: None,
                 clicks: own,
-                answer: Arc::new(Answer {
+                answer: Arc::new(MaskPrediction {
                     logits,
                     score: 0.0,
                     is_given: true,
@@ -149,7 +149,7 @@ impl<'a> Objects<'a> {
         match self.touched_by(&alone) {
             Some(at) => self.refine(at, click),
             None => {
-                self.objects.push(Object {
+                self.objects.push(PromptedObject {
                     within: None,
                     clicks: vec![*click],
                     answer: alone,
@@ -197,7 +197,7 @@ impl<'a> Objects<'a> {
         Ok(())
     }
 
-    fn covers(&self, object: &Object, click: &Click) -> bool {
+    fn covers(&self, object: &PromptedObject, click: &Click) -> bool {
         match &object.given {
             Some(part) => click
                 .pixel_in(part.width, part.height)
@@ -229,10 +229,10 @@ impl<'a> Objects<'a> {
     }
 
     /// Returns the object that shares the most cells with an answer; touching it is enough.
-    fn touched_by(&self, answer: &Answer) -> Option<usize> {
+    fn touched_by(&self, answer: &MaskPrediction) -> Option<usize> {
         let fine = self.frame.fine();
         let near = grown(&answer.logits, fine);
-        let shared = |object: &Object| {
+        let shared = |object: &PromptedObject| {
             let inside = object.answer.logits.iter().map(|&logit| logit > 0.0);
             inside
                 .zip(&near)

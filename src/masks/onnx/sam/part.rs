@@ -16,7 +16,7 @@ pub(super) struct Canvas {
 
 /// The part of an image that the network sees, in whole pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Part {
+pub struct ImagePart {
     /// First column.
     pub x: u32,
     /// First row.
@@ -34,7 +34,7 @@ const ROOM: f64 = 1.0;
 /// A smaller part would only be enlarged further, without showing more.
 const LEAST_SHARE: f64 = 0.25;
 
-impl Part {
+impl ImagePart {
     /// Returns the whole image as a part.
     #[must_use]
     pub fn whole(width: u32, height: u32) -> Self {

@@ -2,10 +2,10 @@
 
 use glam::DVec2;
 
-use super::decoder::Answer;
+use super::decoder::MaskPrediction;
 use super::frame::SamFrame;
 use super::objects::Objects;
-use super::part::Part;
+use super::part::ImagePart;
 use crate::onnx::non_maximum_suppression::non_maximum_suppression;
 use crate::{Click, MaskError, PreparedFrame, Prompt, Proposal, PxBox, Region, SegmentRequest};
 use ostra_core::job::Progress;
@@ -113,7 +113,7 @@ impl SamFrame {
         ))
     }
 
-    fn proposal(&self, mask: &Answer, options: &EverythingOptions) -> Option<Proposal> {
+    fn proposal(&self, mask: &MaskPrediction, options: &EverythingOptions) -> Option<Proposal> {
         if mask.score <= options.least_score {
             return None;
         }
@@ -135,7 +135,7 @@ impl SamFrame {
     }
 
     fn check(&self, request: &SegmentRequest<'_>) -> Result<(), MaskError> {
-        let Part {
+        let ImagePart {
             x,
             y,
             width,

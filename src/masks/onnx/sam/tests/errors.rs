@@ -1,6 +1,6 @@
 //! Errors are one line, and embeddings can be stored.
 
-use super::super::{Embedding, Part, Sam};
+use super::super::{Embedding, ImagePart, Sam};
 use super::{flat, networks, runtime, tiny};
 use crate::{Click, MaskError, Prompt, SegmentRequest, Segmenter};
 use ostra_compute::nn::{Network, NnError};
@@ -66,7 +66,7 @@ fn networks_that_do_not_belong_together_are_rejected() {
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
 fn stored_embedding_is_read_back_unchanged() {
     let sam = networks(&tiny(), "sam-tiny-encoder.onnx", "sam-tiny-decoder.onnx");
-    let part = Part {
+    let part = ImagePart {
         x: 8,
         y: 4,
         width: 20,
@@ -101,13 +101,13 @@ fn parts_and_prompts_outside_the_image_are_rejected() {
     let sam = flat();
     let image = std::sync::Arc::new(grey());
     for part in [
-        Part {
+        ImagePart {
             x: 30,
             y: 0,
             width: 11,
             height: 5,
         },
-        Part {
+        ImagePart {
             x: 0,
             y: 0,
             width: 0,

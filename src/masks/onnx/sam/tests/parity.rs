@@ -6,8 +6,8 @@ use std::sync::Arc;
 use glam::DVec2;
 use serde::Deserialize;
 
-use super::super::decoder::Answer;
-use super::super::{Part, Sam, SamFrame};
+use super::super::decoder::MaskPrediction;
+use super::super::{ImagePart, Sam, SamFrame};
 use super::{networks, tiny, tiny_efficient};
 use crate::{Click, PxBox};
 use ostra_core::job::Progress;
@@ -112,8 +112,8 @@ fn difference(expected: &[f32], found: &[f32]) -> f64 {
 }
 
 /// Runs the cases of the reference on a frame, with clicks shifted by `shift_px`.
-fn answers(frame: &SamFrame, cases: &[Case], shift_px: f64) -> Vec<Arc<Answer>> {
-    let mut given: Vec<Arc<Answer>> = Vec::new();
+fn answers(frame: &SamFrame, cases: &[Case], shift_px: f64) -> Vec<Arc<MaskPrediction>> {
+    let mut given: Vec<Arc<MaskPrediction>> = Vec::new();
     for case in cases {
         let click = |&(x, y, include): &(f64, f64, u8)| Click {
             at_px: DVec2::new(x + 0.5 + shift_px, y + 0.5),
@@ -146,7 +146,7 @@ fn compare(
     let embedding = sam
         .embed(
             image,
-            Part::whole(image.width, image.height),
+            ImagePart::whole(image.width, image.height),
             &Progress::default(),
         )
         .unwrap();

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use glam::DVec2;
 
-use super::super::{CloseUps, EverythingOptions, Part, Sam, SamFrame};
+use super::super::{CloseUps, EverythingOptions, ImagePart, Sam, SamFrame};
 use super::{flat, flat_efficient};
 use crate::{Click, PreparedFrame, Prompt, PxBox, Region, SegmentRequest};
 use ostra_core::job::Progress;
@@ -68,13 +68,13 @@ fn around([x0, y0, x1, y1]: [u32; 4]) -> PxBox {
     }
 }
 
-fn frame(sam: &Sam, part: Part) -> SamFrame {
+fn frame(sam: &Sam, part: ImagePart) -> SamFrame {
     sam.frame(&sam.embed(&image(), part, &Progress::default()).unwrap())
         .unwrap()
 }
 
 fn whole() -> SamFrame {
-    frame(&flat(), Part::whole(WIDTH, HEIGHT))
+    frame(&flat(), ImagePart::whole(WIDTH, HEIGHT))
 }
 
 fn answer(
@@ -297,7 +297,7 @@ fn everything_is_found_once() {
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
 fn exclude_click_selects_among_masks_without_support_by_the_network() {
     let sam = flat_efficient();
-    let frame = frame(&sam, Part::whole(WIDTH, HEIGHT));
+    let frame = frame(&sam, ImagePart::whole(WIDTH, HEIGHT));
     let all = answer(&frame, &[IN_RED], &[], None);
     assert_eq!(all.area(), (WIDTH * HEIGHT) as usize, "the surest");
     let found = answer(&frame, &[IN_RED, click(180.5, 80.5, false)], &[], None);
@@ -311,7 +311,7 @@ fn exclude_click_selects_among_masks_without_support_by_the_network() {
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
 fn excluded_object_is_subtracted_without_support_by_the_network() {
     let sam = flat_efficient();
-    let frame = frame(&sam, Part::whole(WIDTH, HEIGHT));
+    let frame = frame(&sam, ImagePart::whole(WIDTH, HEIGHT));
     let around_both = [PxBox {
         min_px: DVec2::new(16.0, 16.0),
         max_px: DVec2::new(240.0, 160.0),
@@ -334,7 +334,7 @@ fn close_up_fills_the_square_of_a_network_that_stretches() {
     let sam = flat_efficient();
     let frame = frame(
         &sam,
-        Part {
+        ImagePart {
             x: 16,
             y: 16,
             width: 96,
@@ -350,7 +350,7 @@ fn close_up_fills_the_square_of_a_network_that_stretches() {
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
 fn excluded_object_is_removed_from_a_mask_from_elsewhere_without_support_by_the_network() {
     let sam = flat_efficient();
-    let frame = frame(&sam, Part::whole(WIDTH, HEIGHT));
+    let frame = frame(&sam, ImagePart::whole(WIDTH, HEIGHT));
     let mut painted = thing([32, 32, 240, 176]);
     painted.subtract(&thing([100, 32, 140, 90]));
     let mut expected = painted.clone();

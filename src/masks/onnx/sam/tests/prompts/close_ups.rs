@@ -11,10 +11,10 @@ fn close_up_lies_around_its_prompt() {
         boxes: vec![around(RED)],
         ..Prompt::default()
     };
-    let part = Part::around(&prompt, WIDTH, HEIGHT, sam.side()).unwrap();
+    let part = ImagePart::around(&prompt, WIDTH, HEIGHT, sam.side()).unwrap();
     assert_eq!(
         part,
-        Part {
+        ImagePart {
             x: 0,
             y: 0,
             width: 128,
@@ -26,7 +26,7 @@ fn close_up_lies_around_its_prompt() {
         max_px: DVec2::new(250.0, 20.0),
     };
     assert_eq!(
-        Part::around(
+        ImagePart::around(
             &Prompt {
                 boxes: vec![far],
                 ..Prompt::default()
@@ -37,12 +37,15 @@ fn close_up_lies_around_its_prompt() {
         ),
         None
     );
-    assert_eq!(Part::around(&Prompt::default(), WIDTH, HEIGHT, 256), None);
+    assert_eq!(
+        ImagePart::around(&Prompt::default(), WIDTH, HEIGHT, 256),
+        None
+    );
 }
 
 /// Returns the close-up of the 128 × 128 pixels from 16, 16.
 fn close_up() -> SamFrame {
-    let part = Part {
+    let part = ImagePart {
         x: 16,
         y: 16,
         width: 128,

@@ -7,19 +7,19 @@ use ostra_geometry::{Camera, Distortion, Pose};
 /// The measurements of one frame, ready to be added to a volume.
 ///
 /// The image has no lens distortion and is pixel-aligned with the depths.
-pub(super) struct Measured {
+pub(super) struct FrameMeasurements {
     pub(super) width: usize,
     pub(super) height: usize,
     pub(super) focal: Vec2,
     pub(super) principal: Vec2,
-    pub(super) pixels: Vec<Pixel>,
+    pub(super) pixels: Vec<SurfacePixel>,
     pub(super) rotation: DMat3,
     pub(super) translation: DVec3,
 }
 
 /// The surface seen by one pixel.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Pixel {
+pub(super) struct SurfacePixel {
     /// Depth along the optical axis, in world units; 0 if there is no valid depth.
     pub(super) depth: f32,
     /// Distance from the tangent plane of the surface per unit of depth in front of it, 0–1.
@@ -78,7 +78,7 @@ pub(super) struct DepthFrame<'a> {
     pub(super) image: &'a Image,
 }
 
-impl Measured {
+impl FrameMeasurements {
     /// Prepares a frame.
     ///
     /// `wanted` returns whether voxels are allocated near a pixel of the frame. `pixels` reuses the
@@ -87,7 +87,7 @@ impl Measured {
         frame: &DepthFrame<'_>,
         edge_tolerance: f32,
         wanted: impl Fn(usize) -> bool + Sync,
-        mut pixels: Vec<Pixel>,
+        mut pixels: Vec<SurfacePixel>,
     ) -> Self {
         let (camera, pose) = (frame.camera, frame.pose);
         let straight = straightened(camera);
@@ -117,7 +117,7 @@ impl Measured {
         let pixel = |x: usize, y: usize| {
             let at = y * width + x;
             let (Some(from), Some((slope, certainty))) = (source(at), slopes.at(x, y)) else {
-                return Pixel::default();
+                return SurfacePixel::default();
             };
             let ray = (Vec2::new(x as f32, y as f32) + 0.5 - principal) / focal;
             // On a plane, the inverse depth is linear in the ray: n · (x, y, 1) = 1 / depth.
@@ -131,7 +131,7 @@ impl Measured {
                 * certainty;
             let (depth, slant) = (1.0 / inverse[at], slant.clamp(FLATTEST, 1.0));
             let (sight, color) = ((weight * 255.0) as u8, frame.image.pixels[from]);
-            Pixel {
+            SurfacePixel {
                 depth,
                 slant,
                 weight,
@@ -141,7 +141,7 @@ impl Measured {
                 wanted: wanted(from),
             }
         };
-        pixels.resize(width * height, Pixel::default());
+        pixels.resize(width * height, SurfacePixel::default());
         pixels
             .par_chunks_mut(width.max(1))
             .enumerate()

@@ -11,7 +11,7 @@ const MOST_OVERLAP: f64 = 0.8;
 ///
 /// Can be filtered by any threshold without another run.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Answer {
+pub struct GroundingOutput {
     /// The phrases, as tokens.
     pub caption: Caption,
     /// Logit of each token for each query, `[queries, tokens]`.
@@ -22,7 +22,7 @@ pub struct Answer {
     pub size_px: DVec2,
 }
 
-impl Answer {
+impl GroundingOutput {
     /// Returns the objects whose score is above `least` (0–1), highest score first.
     ///
     /// A box goes to the phrase with the best matching token, and the score of that token is its
@@ -119,7 +119,7 @@ mod tests {
             logits.as_flattened().to_vec(),
             boxes.as_flattened().to_vec(),
         );
-        let answer = Answer {
+        let answer = GroundingOutput {
             caption,
             logits,
             boxes,

@@ -75,7 +75,7 @@ fn best<'a>(probabilities: impl Iterator<Item = &'a f32>) -> (usize, f32) {
 const BLOCK: usize = 1 << 14;
 
 /// Result of one pass for a frame.
-pub(crate) struct Answer {
+pub(crate) struct PassResult {
     /// The mask, at the engine's working size.
     pub mask: LabelMask,
     /// Confidence of each label, 0–1.
@@ -88,7 +88,7 @@ pub(crate) struct Answer {
     pub probabilities: Option<LabelProbabilities>,
 }
 
-impl Answer {
+impl PassResult {
     /// Takes the most probable label of every pixel.
     ///
     /// The confidence of a label is the mean of its pixels' probabilities.
@@ -182,14 +182,14 @@ impl Answer {
 }
 
 /// A result of the forward pass, stored compactly for the backward pass.
-pub(super) struct KeptAnswer {
+pub(super) struct KeptResult {
     runs: RunMask,
     confidence: BTreeMap<LabelId, f32>,
     known: BTreeSet<LabelId>,
 }
 
-impl KeptAnswer {
-    pub fn new(answer: Answer) -> Self {
+impl KeptResult {
+    pub fn new(answer: PassResult) -> Self {
         Self {
             runs: RunMask::encode(&answer.mask),
             confidence: answer.confidence,
@@ -201,8 +201,8 @@ impl KeptAnswer {
         self.runs.decode()
     }
 
-    pub fn unpacked(self) -> Answer {
-        Answer {
+    pub fn unpacked(self) -> PassResult {
+        PassResult {
             mask: self.runs.decode(),
             confidence: self.confidence,
             known: self.known,
