@@ -7,7 +7,7 @@ use ostra_cloud::fuse::Votes;
 use ostra_cloud::measure::{LengthUnit, TraitRow};
 use ostra_cloud::select::Selection;
 use ostra_cloud::{LabelledCloud, LabelledMesh};
-use ostra_compute::nn::Row;
+use ostra_compute::nn::ModelStatus;
 use ostra_frames::{Frame, FrameStore};
 use ostra_masks::{LabelTree, Region, RunMask};
 use ostra_project::{Estimate, Project};
@@ -53,7 +53,7 @@ pub struct SessionView<'a> {
     /// Segmenters, trackers and other engines, installed or not.
     pub engines: &'a [Engine],
     /// All known networks, installed or not.
-    pub models: &'a [Row],
+    pub models: &'a [ModelStatus],
     /// Title of the step that undo reverts.
     pub undo: Option<&'a str>,
     /// Title of the step that redo applies.

@@ -9,7 +9,7 @@ use super::dialogs::{NewProjectForm, ScreenshotRequest, Take};
 use super::theme::set_theme;
 use super::view_state::RecipeTarget;
 use super::{Dialog, Layers, Prefs, SessionView, Severity, Shell, ViewState, layers_of};
-use ostra_compute::nn::{Provider, Row};
+use ostra_compute::nn::{ModelStatus, Provider};
 use ostra_core::disk;
 use ostra_frames::{Frame, TurntableOptions};
 use ostra_project::export_targets::ExportTargets;
@@ -55,7 +55,7 @@ pub struct Window {
     layers: Option<Layers>,
     shown_frames: Arc<Vec<Frame>>,
     engines: Vec<Engine>,
-    models: Vec<Row>,
+    models: Vec<ModelStatus>,
     recent: Recent,
     title: String,
     /// Recomputed when the project changes.

@@ -75,7 +75,9 @@ pub use images::Images;
 pub use job_task::{JobTask, JobTitle};
 pub use jobs::JobKind;
 pub use models::{add_model, check_model, install_model, list_models};
-pub use ostra_compute::nn::{Added, CheckedFile, Fetched, Installed, Provider, Row, Verification};
+pub use ostra_compute::nn::{
+    Added, CheckedFile, Fetched, Installed, ModelStatus, Provider, Verification,
+};
 pub use ostra_project::suggestion::{Reason, Suggestion};
 pub use ostra_project::{PromptRequest, RangeChange, RangeRequest};
 pub use prepared::PreparedFrames;

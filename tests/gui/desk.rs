@@ -14,7 +14,7 @@ use ostra_cloud::fuse::Votes;
 use ostra_cloud::measure::{LengthUnit, TraitRow};
 use ostra_cloud::select::Selection;
 use ostra_cloud::{LabelledCloud, LabelledMesh};
-use ostra_compute::nn::Row;
+use ostra_compute::nn::ModelStatus;
 use ostra_frames::{Frame, FrameCamera, Image, ImageSource, Orientation};
 use ostra_geometry::{Camera, Pose};
 use ostra_masks::{Label, LabelId, LabelMask, LabelTree, RunMask};
@@ -44,7 +44,7 @@ pub struct Desk {
     pub hovered: Option<Arc<RunMask>>,
     pub jobs: Vec<JobView>,
     pub engines: Vec<Engine>,
-    pub models: Vec<Row>,
+    pub models: Vec<ModelStatus>,
     pub undo: Option<String>,
     pub recent: Vec<PathBuf>,
     pub before: Option<Arc<RunMask>>,
