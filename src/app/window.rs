@@ -15,7 +15,7 @@ use ostra_frames::{Frame, TurntableOptions};
 use ostra_project::export_targets::ExportTargets;
 use ostra_project::{Estimate, Project, scale_between};
 use ostra_session::Event;
-use ostra_session::{Command, Engine, Images, Recent, Session, list_engines, list_models};
+use ostra_session::{Command, EngineInfo, Images, Recent, Session, list_engines, list_models};
 use ostra_view::{RenderRequest, write_png};
 
 /// Opens the window.
@@ -54,7 +54,7 @@ pub struct Window {
     images: Option<Images>,
     layers: Option<Layers>,
     shown_frames: Arc<Vec<Frame>>,
-    engines: Vec<Engine>,
+    engines: Vec<EngineInfo>,
     models: Vec<ModelStatus>,
     recent: Recent,
     title: String,

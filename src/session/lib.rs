@@ -68,7 +68,7 @@ mod track_run;
 
 pub use command::{Command, NewProject, Recipe};
 pub use drawings::Drawings;
-pub use engine_table::{Engine, EngineKind, list_engines};
+pub use engine_table::{EngineInfo, EngineKind, list_engines};
 pub use event::{Event, JobView};
 pub use grounding::{FoundThing, Grounding};
 pub use images::Images;
@@ -81,10 +81,10 @@ pub use ostra_compute::nn::{
 pub use ostra_project::suggestion::{Reason, Suggestion};
 pub use ostra_project::{PromptRequest, RangeChange, RangeRequest};
 pub use prepared::PreparedFrames;
-pub use queries::{Angles, MeasureSettings, ProposedInstances, SparseModel, Surface};
+pub use queries::{Angles, MeasureSettings, ProposedInstances, SparseReconstruction, SurfaceKind};
 pub use recent::Recent;
 pub use requests::{
-    AttachRequest, CleanRequest, CloudChange, CloudCorrection, GroundRequest, InstancesRequest,
+    AttachRequest, CleanRequest, CloudChange, CloudCorrection, FindByTextRequest, InstancesRequest,
     ModelRequest, ModelTask, MoveBorderRequest, PaintRequest, TakeRequest, TraceRequest,
     TrackSettings,
 };

@@ -21,8 +21,8 @@ use ostra_masks::{Label, LabelId, LabelMask, LabelTree, RunMask};
 use ostra_project::{FrameMask, MaskOrigin, Project};
 use ostra_session::JobView;
 use ostra_session::{
-    Angles, Command, Engine, Grounding, Images, ProposedInstances, SparseModel, Suggestion,
-    list_engines, list_models,
+    Angles, Command, EngineInfo, Grounding, Images, ProposedInstances, SparseReconstruction,
+    Suggestion, list_engines, list_models,
 };
 
 pub const WIDTH: u32 = 64;
@@ -36,14 +36,14 @@ pub struct Desk {
     pub cloud: Option<Arc<LabelledCloud>>,
     pub votes: Option<Arc<Votes>>,
     pub surface: Option<Arc<LabelledMesh>>,
-    pub sparse: Option<Arc<SparseModel>>,
+    pub sparse: Option<Arc<SparseReconstruction>>,
     pub chosen: Option<Arc<Selection>>,
     pub inspected: Option<PathBuf>,
     pub images: Images,
     pub layers: Option<Layers>,
     pub hovered: Option<Arc<RunMask>>,
     pub jobs: Vec<JobView>,
-    pub engines: Vec<Engine>,
+    pub engines: Vec<EngineInfo>,
     pub models: Vec<ModelStatus>,
     pub undo: Option<String>,
     pub recent: Vec<PathBuf>,
