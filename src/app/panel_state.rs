@@ -7,7 +7,7 @@ use std::sync::Arc;
 use ostra_cloud::LabelledCloud;
 use ostra_masks::{LabelId, LabelTree, RunMask};
 use ostra_project::Project;
-use ostra_session::{Command, GroundRequest};
+use ostra_session::{Command, FindByTextRequest};
 
 /// Labels present on each frame. Only masks that changed are scanned again.
 #[derive(Default)]
@@ -98,7 +98,7 @@ impl TextPrompt {
             .split([';', ','])
             .map(|phrase| phrase.trim().to_owned());
         let phrases: Vec<String> = phrases.filter(|phrase| !phrase.is_empty()).collect();
-        let request = GroundRequest {
+        let request = FindByTextRequest {
             frame,
             phrases,
             threshold: Some(MIN_SHOWN_SCORE),

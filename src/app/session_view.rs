@@ -7,13 +7,13 @@ use ostra_cloud::fuse::Votes;
 use ostra_cloud::measure::{LengthUnit, TraitRow};
 use ostra_cloud::select::Selection;
 use ostra_cloud::{LabelledCloud, LabelledMesh};
-use ostra_compute::nn::Row;
+use ostra_compute::nn::ModelStatus;
 use ostra_frames::{Frame, FrameStore};
 use ostra_masks::{LabelTree, Region, RunMask};
 use ostra_project::{Estimate, Project};
 use ostra_session::{
-    Angles, Drawings, Engine, EngineKind, Grounding, Images, JobTask, JobView, ProposedInstances,
-    SparseModel, Suggestion,
+    Angles, Drawings, EngineInfo, EngineKind, Grounding, Images, JobTask, JobView,
+    ProposedInstances, SparseReconstruction, Suggestion,
 };
 use ostra_view::{Layer, LayerImage, draw_layer};
 
@@ -37,7 +37,7 @@ pub struct SessionView<'a> {
     /// Points of the depth maps that a running job has computed so far.
     pub preview_cloud: Option<&'a Arc<LabelledCloud>>,
     /// Sparse model of the cameras, if they come from structure from motion.
-    pub sparse: Option<&'a Arc<SparseModel>>,
+    pub sparse: Option<&'a Arc<SparseReconstruction>>,
     /// Selected points of the cloud, or why there are none; `None` while they are computed.
     pub chosen: Option<Result<&'a Arc<Selection>, &'a str>>,
     /// PLY file that is viewed on its own.
@@ -51,9 +51,9 @@ pub struct SessionView<'a> {
     /// Running jobs, oldest first.
     pub jobs: &'a [JobView],
     /// Segmenters, trackers and other engines, installed or not.
-    pub engines: &'a [Engine],
+    pub engines: &'a [EngineInfo],
     /// All known networks, installed or not.
-    pub models: &'a [Row],
+    pub models: &'a [ModelStatus],
     /// Title of the step that undo reverts.
     pub undo: Option<&'a str>,
     /// Title of the step that redo applies.
@@ -130,7 +130,7 @@ impl<'a> SessionView<'a> {
     }
 
     /// Returns the engines of one kind.
-    pub fn engines_of(&self, kind: EngineKind) -> impl Iterator<Item = &Engine> {
+    pub fn engines_of(&self, kind: EngineKind) -> impl Iterator<Item = &EngineInfo> {
         self.engines
             .iter()
             .filter(move |engine| engine.kind == kind)

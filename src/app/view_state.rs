@@ -13,7 +13,7 @@ use super::pointer::HoverDwell;
 use super::{Notices, Prefs, SceneLook, SessionView};
 use ostra_masks::{Direction, LabelId, MaskFormat};
 use ostra_project::{FuseRequest, ReconstructRequest};
-use ostra_session::{InstancesRequest, PromptRequest, Surface, TrackSettings};
+use ostra_session::{InstancesRequest, PromptRequest, SurfaceKind, TrackSettings};
 use ostra_view::{Coloring, Layer, RenderRequest, Side};
 
 /// State of the window that is not part of the project, such as the shown frame and tool.
@@ -149,11 +149,11 @@ pub enum Shown {
 impl Shown {
     /// Returns the surface that has to be loaded to show this result.
     #[must_use]
-    pub fn surface(self) -> Option<Surface> {
+    pub fn surface(self) -> Option<SurfaceKind> {
         match self {
             Self::Points => None,
-            Self::Mesh | Self::Wireframe => Some(Surface::Mesh),
-            Self::Voxels => Some(Surface::Voxels),
+            Self::Mesh | Self::Wireframe => Some(SurfaceKind::Mesh),
+            Self::Voxels => Some(SurfaceKind::Voxels),
         }
     }
 }

@@ -9,13 +9,13 @@ use super::dialogs::{NewProjectForm, ScreenshotRequest, Take};
 use super::theme::set_theme;
 use super::view_state::RecipeTarget;
 use super::{Dialog, Layers, Prefs, SessionView, Severity, Shell, ViewState, layers_of};
-use ostra_compute::nn::{Provider, Row};
+use ostra_compute::nn::{ModelStatus, Provider};
 use ostra_core::disk;
 use ostra_frames::{Frame, TurntableOptions};
 use ostra_project::export_targets::ExportTargets;
 use ostra_project::{Estimate, Project, scale_between};
 use ostra_session::Event;
-use ostra_session::{Command, Engine, Images, Recent, Session, list_engines, list_models};
+use ostra_session::{Command, EngineInfo, Images, Recent, Session, list_engines, list_models};
 use ostra_view::{RenderRequest, write_png};
 
 /// Opens the window.
@@ -54,8 +54,8 @@ pub struct Window {
     images: Option<Images>,
     layers: Option<Layers>,
     shown_frames: Arc<Vec<Frame>>,
-    engines: Vec<Engine>,
-    models: Vec<Row>,
+    engines: Vec<EngineInfo>,
+    models: Vec<ModelStatus>,
     recent: Recent,
     title: String,
     /// Recomputed when the project changes.

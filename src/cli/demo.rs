@@ -11,7 +11,7 @@ use ostra_eval::demo::{DemoMethod, DemoOptions, finish, run_demo};
 use ostra_eval::synthetic::{SceneKind, SceneOptions, SensorNoise};
 use ostra_session::Session;
 use ostra_view::{
-    Appearance, Coloring, Model, RenderRequest, SceneStyle, ViewError, default_view, write_png,
+    Appearance, Coloring, RenderRequest, SceneModel, SceneStyle, ViewError, default_view, write_png,
 };
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -116,7 +116,7 @@ fn draw(session: &Session, args: &DemoArgs) -> Result<()> {
         appearance,
         ..SceneStyle::default()
     };
-    let portrait = RenderRequest::new(Model::Cloud(Arc::clone(cloud)), orbit, style, height);
+    let portrait = RenderRequest::new(SceneModel::Cloud(Arc::clone(cloud)), orbit, style, height);
     Ok(write_png(
         &args.out.join("shot.png"),
         &portrait.draw(width, height, 0.0, false),

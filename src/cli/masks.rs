@@ -12,7 +12,7 @@ use super::print::print_text;
 use super::values;
 use ostra_masks::{Click, Prompt, PxBox};
 use ostra_session::{
-    CleanRequest, Command, GroundRequest, PromptRequest, TakeRequest, TraceRequest,
+    CleanRequest, Command, FindByTextRequest, PromptRequest, TakeRequest, TraceRequest,
 };
 
 #[derive(Debug, Args)]
@@ -164,7 +164,7 @@ pub(super) fn ground(args: &GroundArgs) -> Result<()> {
     let phrases = args.text.split(';').map(|phrase| phrase.trim().to_owned());
     let phrases: Vec<String> = phrases.filter(|phrase| !phrase.is_empty()).collect();
     let (frame, threshold) = (args.frame, Some(args.threshold));
-    driver.act(Command::Ground(GroundRequest {
+    driver.act(Command::Ground(FindByTextRequest {
         frame,
         phrases,
         threshold,

@@ -4,7 +4,7 @@ use anyhow::Result;
 
 use super::print::{print_text, print_to_stderr, printable};
 use super::stop;
-use ostra_compute::nn::{Added, CheckedFile, Fetched, Row, Verification};
+use ostra_compute::nn::{Added, CheckedFile, Fetched, ModelStatus, Verification};
 use ostra_session::{add_model, check_model, install_model, list_models};
 
 #[derive(Debug, clap::Subcommand)]
@@ -77,7 +77,7 @@ fn progress() -> impl FnMut(Fetched<'_>) -> bool {
     }
 }
 
-fn line(row: &Row) -> String {
+fn line(row: &ModelStatus) -> String {
     let state = match &row.installed {
         Some(installed) => {
             let place = installed

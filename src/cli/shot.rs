@@ -11,7 +11,7 @@ use ostra_cloud::{LabelledMesh, voxel_faces, voxelize};
 use ostra_frames::TurntableOptions;
 use ostra_project::export_targets::ExportTargets;
 use ostra_view::{
-    Appearance, Axes, Coloring, Model, RenderRequest, SceneStyle, ViewError, default_view,
+    Appearance, Axes, Coloring, RenderRequest, SceneModel, SceneStyle, ViewError, default_view,
     write_png,
 };
 
@@ -139,11 +139,11 @@ fn style(args: &ShotArgs, driver: &Driver) -> Result<SceneStyle> {
 }
 
 /// Returns the model to draw.
-fn model(args: &ShotArgs, driver: &mut Driver) -> Result<Model> {
+fn model(args: &ShotArgs, driver: &mut Driver) -> Result<SceneModel> {
     match args.model {
         ShotModel::Cloud => {
             let cloud = driver.cloud()?;
-            Ok(Model::Cloud(args.level.map_or_else(
+            Ok(SceneModel::Cloud(args.level.map_or_else(
                 || Arc::clone(&cloud),
                 |level| Arc::new(cloud.at_level(level)),
             )))
@@ -155,12 +155,12 @@ fn model(args: &ShotArgs, driver: &mut Driver) -> Result<Model> {
     }
 }
 
-fn surface(args: &ShotArgs, driver: &Driver, mut mesh: LabelledMesh) -> Result<Model> {
+fn surface(args: &ShotArgs, driver: &Driver, mut mesh: LabelledMesh) -> Result<SceneModel> {
     mesh.vertices.tree = driver.project()?.labels.clone();
     if let Some(level) = args.level {
         mesh.vertices = mesh.vertices.at_level(level);
     }
-    Ok(Model::Surface(Arc::new(mesh.split_at_labels())))
+    Ok(SceneModel::Surface(Arc::new(mesh.split_at_labels())))
 }
 
 fn voxels(driver: &mut Driver) -> Result<LabelledMesh> {

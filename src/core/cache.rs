@@ -23,20 +23,20 @@ impl<T: Weigh> Weigh for Arc<T> {
 /// same key.
 #[derive(Debug)]
 pub struct Cache<K, V> {
-    state: Mutex<State<K, V>>,
+    state: Mutex<CacheState<K, V>>,
     changed: Condvar,
     budget_bytes: usize,
 }
 
 #[derive(Debug)]
-struct State<K, V> {
-    entries: FxHashMap<K, Entry<V>>,
+struct CacheState<K, V> {
+    entries: FxHashMap<K, CacheEntry<V>>,
     bytes: usize,
     clock: u64,
 }
 
 #[derive(Debug)]
-enum Entry<V> {
+enum CacheEntry<V> {
     Loading,
     Ready { value: V, used: u64 },
 }
@@ -45,7 +45,7 @@ impl<K: Hash + Eq + Clone, V: Weigh + Clone> Cache<K, V> {
     /// Creates an empty cache of at most `budget_bytes`.
     #[must_use]
     pub fn new(budget_bytes: usize) -> Self {
-        let state = State {
+        let state = CacheState {
             entries: FxHashMap::default(),
             bytes: 0,
             clock: 0,
@@ -67,7 +67,7 @@ impl<K: Hash + Eq + Clone, V: Weigh + Clone> Cache<K, V> {
         if let Some(value) = self.found_or_claimed(key) {
             return Ok(value);
         }
-        let claim = Claim { cache: self, key };
+        let claim = LoadingClaim { cache: self, key };
         let value = load()?;
         claim.fulfil(value.clone());
         Ok(value)
@@ -91,7 +91,7 @@ impl<K: Hash + Eq + Clone, V: Weigh + Clone> Cache<K, V> {
                 return Some(value);
             }
             if !state.entries.contains_key(key) {
-                state.entries.insert(key.clone(), Entry::Loading);
+                state.entries.insert(key.clone(), CacheEntry::Loading);
                 return None;
             }
             state = self
@@ -101,21 +101,21 @@ impl<K: Hash + Eq + Clone, V: Weigh + Clone> Cache<K, V> {
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, State<K, V>> {
+    fn lock(&self) -> MutexGuard<'_, CacheState<K, V>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl<K: Hash + Eq + Clone, V: Weigh + Clone> State<K, V> {
+impl<K: Hash + Eq + Clone, V: Weigh + Clone> CacheState<K, V> {
     fn touch(&mut self, key: &K) -> Option<V> {
         self.clock += 1;
         let now = self.clock;
         match self.entries.get_mut(key)? {
-            Entry::Ready { value, used } => {
+            CacheEntry::Ready { value, used } => {
                 *used = now;
                 Some(value.clone())
             }
-            Entry::Loading => None,
+            CacheEntry::Loading => None,
         }
     }
 
@@ -134,7 +134,7 @@ impl<K: Hash + Eq + Clone, V: Weigh + Clone> State<K, V> {
         self.bytes += bytes;
         self.entries.insert(
             key.clone(),
-            Entry::Ready {
+            CacheEntry::Ready {
                 value,
                 used: self.clock,
             },
@@ -142,9 +142,9 @@ impl<K: Hash + Eq + Clone, V: Weigh + Clone> State<K, V> {
     }
 
     fn drop_oldest(&mut self) {
-        let age = |entry: &Entry<V>| match entry {
-            Entry::Ready { used, .. } => Some(*used),
-            Entry::Loading => None,
+        let age = |entry: &CacheEntry<V>| match entry {
+            CacheEntry::Ready { used, .. } => Some(*used),
+            CacheEntry::Loading => None,
         };
         let oldest = self
             .entries
@@ -154,19 +154,19 @@ impl<K: Hash + Eq + Clone, V: Weigh + Clone> State<K, V> {
         let Some(key) = oldest.map(|(_, key)| key.clone()) else {
             return;
         };
-        if let Some(Entry::Ready { value, .. }) = self.entries.remove(&key) {
+        if let Some(CacheEntry::Ready { value, .. }) = self.entries.remove(&key) {
             self.bytes -= value.bytes();
         }
     }
 }
 
 /// Exclusive right of one thread to load `key`; released if loading fails or panics.
-struct Claim<'a, K: Hash + Eq + Clone, V: Weigh + Clone> {
+struct LoadingClaim<'a, K: Hash + Eq + Clone, V: Weigh + Clone> {
     cache: &'a Cache<K, V>,
     key: &'a K,
 }
 
-impl<K: Hash + Eq + Clone, V: Weigh + Clone> Claim<'_, K, V> {
+impl<K: Hash + Eq + Clone, V: Weigh + Clone> LoadingClaim<'_, K, V> {
     fn fulfil(self, value: V) {
         self.cache
             .lock()
@@ -174,10 +174,10 @@ impl<K: Hash + Eq + Clone, V: Weigh + Clone> Claim<'_, K, V> {
     }
 }
 
-impl<K: Hash + Eq + Clone, V: Weigh + Clone> Drop for Claim<'_, K, V> {
+impl<K: Hash + Eq + Clone, V: Weigh + Clone> Drop for LoadingClaim<'_, K, V> {
     fn drop(&mut self) {
         let mut state = self.cache.lock();
-        if matches!(state.entries.get(self.key), Some(Entry::Loading)) {
+        if matches!(state.entries.get(self.key), Some(CacheEntry::Loading)) {
             state.entries.remove(self.key);
         }
         drop(state);

@@ -39,7 +39,7 @@ pub(super) fn decode_image(
     orientation: Orientation,
     check: CheckSize<'_>,
 ) -> Result<Image, FrameError> {
-    let source = Source::open(path, orientation, check)?;
+    let source = ImageFile::open(path, orientation, check)?;
     if source.header.content.is_float_color() {
         let Upright {
             size,
@@ -80,7 +80,7 @@ pub(super) fn decode_image(
 
 /// Returns the value of white in an image with float colours, which is decoded for this.
 pub(super) fn float_white(path: &Path) -> Result<f32, FrameError> {
-    let source = Source::open(path, Orientation::default(), &|_| Ok(()))?;
+    let source = ImageFile::open(path, Orientation::default(), &|_| Ok(()))?;
     let pixels = source.read(float_colors)?;
     white_of(&pixels.values).map_err(|what| FrameError::Invalid {
         path: path.into(),
@@ -108,7 +108,7 @@ pub(super) fn opaque_pixels(
     orientation: Orientation,
     check: CheckSize<'_>,
 ) -> Result<Option<Vec<bool>>, FrameError> {
-    let source = Source::open(path, orientation, check)?;
+    let source = ImageFile::open(path, orientation, check)?;
     let is_opaque = |pixel: [u8; 4]| pixel[3] >= 128;
     let (size, opaque): (_, Vec<bool>) = match source.header.content {
         Content::ColorAlpha => {
@@ -140,7 +140,7 @@ pub(super) fn decode_depth(
     orientation: Orientation,
     check: CheckSize<'_>,
 ) -> Result<DepthMap, FrameError> {
-    let source = Source::open(path, orientation, check)?;
+    let source = ImageFile::open(path, orientation, check)?;
     let in_world = |value: f64| (value * unit) as f32;
     let depths = match (source.header.content, source.format) {
         (Content::Grey16 | Content::IntegerDepth | Content::FloatDepth, ImageFormat::Tiff) => {
@@ -209,7 +209,7 @@ fn shrunk(opaque: &[bool], width: usize) -> Vec<bool> {
 }
 
 /// An image file after its header was read and checked.
-struct Source<'a> {
+struct ImageFile<'a> {
     path: &'a Path,
     reader: BufReader<File>,
     format: ImageFormat,
@@ -223,7 +223,7 @@ struct Upright<T> {
     values: Vec<T>,
 }
 
-impl<'a> Source<'a> {
+impl<'a> ImageFile<'a> {
     fn open(
         path: &'a Path,
         orientation: Orientation,

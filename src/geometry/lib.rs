@@ -73,7 +73,7 @@ pub use epipolar::{essential_from_pose, fundamental_in_pixels};
 pub use error::GeometryError;
 pub use pose::Pose;
 pub use pose_graph::{PoseEdge, PoseGraphOptions, SolvedPoseGraph, solve_pose_graph};
-pub use posed_camera::{Isometry, Pinhole, PosedCamera, Projection};
+pub use posed_camera::{Isometry, Pinhole, PointProjection, PosedCamera};
 pub use trajectory::{ErrorStatistics, TrajectoryMetrics};
 pub use triangulate::{
     RayObservation, Triangulated, TriangulationOptions, largest_angle, triangulate,

@@ -1,7 +1,7 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use super::Pose;
-use super::blocks::{BLOCK, Block, Column, Skyline, dot, solve};
+use super::blocks::{BLOCK, Block6, Column6, Skyline, dot, solve};
 
 /// A measured relative pose between two nodes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -180,7 +180,7 @@ impl<'a> Graph<'a> {
         self.edges.iter().filter_map(of).sum()
     }
 
-    fn step(&self, poses: &[Pose], damping: f64) -> Option<Vec<Column>> {
+    fn step(&self, poses: &[Pose], damping: f64) -> Option<Vec<Column6>> {
         let mut matrix = Skyline::new(&self.first);
         let mut right = vec![[0.0; BLOCK]; self.first.len()];
         for edge in &self.edges {
@@ -209,20 +209,20 @@ impl<'a> Graph<'a> {
     /// Adds an edge to the normal equations.
     ///
     /// Its error changes by the target's step minus the source's step in the target's axes.
-    fn add(&self, edge: &PoseEdge, poses: &[Pose], matrix: &mut Skyline, right: &mut [Column]) {
+    fn add(&self, edge: &PoseEdge, poses: &[Pose], matrix: &mut Skyline, right: &mut [Column6]) {
         let current = poses[edge.target].compose(&poses[edge.source].inverse());
         let error = difference(&current, &edge.target_from_source);
         let weight = edge.weight * self.share(edge, quadratic(&edge.information, &error));
         let by_source = adjoint(&current);
         let pulled = times(&edge.information, &error);
         // Columns of the derivative by the source, times the information.
-        let weighted: Block = by_source.map(|column| times(&edge.information, &column));
+        let weighted: Block6 = by_source.map(|column| times(&edge.information, &column));
         if let Some(target) = self.block[edge.target] {
             accumulate(matrix, target, target, &edge.information, weight);
             subtract(&mut right[target], &pulled, weight);
         }
         if let Some(source) = self.block[edge.source] {
-            let own: Block = weighted.map(|column| by_source.map(|other| dot(&other, &column)));
+            let own: Block6 = weighted.map(|column| by_source.map(|other| dot(&other, &column)));
             accumulate(matrix, source, source, &own, weight);
             subtract(
                 &mut right[source],
@@ -247,7 +247,7 @@ impl<'a> Graph<'a> {
         }
     }
 
-    fn moved(&self, poses: &[Pose], step: &[Column]) -> Vec<Pose> {
+    fn moved(&self, poses: &[Pose], step: &[Column6]) -> Vec<Pose> {
         let moved = |(pose, block): (&Pose, &Option<usize>)| {
             block.map_or(*pose, |block| exp(&step[block]).compose(pose))
         };
@@ -255,7 +255,7 @@ impl<'a> Graph<'a> {
     }
 }
 
-fn accumulate(matrix: &mut Skyline, row: usize, column: usize, block: &Block, weight: f64) {
+fn accumulate(matrix: &mut Skyline, row: usize, column: usize, block: &Block6, weight: f64) {
     let row = &mut matrix.rows[row];
     let at = column - row.first;
     for (sum, values) in row.blocks[at]
@@ -267,27 +267,27 @@ fn accumulate(matrix: &mut Skyline, row: usize, column: usize, block: &Block, we
     }
 }
 
-fn subtract(sum: &mut Column, values: &Column, weight: f64) {
+fn subtract(sum: &mut Column6, values: &Column6, weight: f64) {
     for (sum, value) in sum.iter_mut().zip(values) {
         *sum -= weight * value;
     }
 }
 
-fn transposed(block: &Block) -> Block {
+fn transposed(block: &Block6) -> Block6 {
     std::array::from_fn(|row| std::array::from_fn(|column| block[column][row]))
 }
 
 /// Multiplies a symmetric block by a column.
-fn times(block: &Block, x: &Column) -> Column {
+fn times(block: &Block6, x: &Column6) -> Column6 {
     block.map(|column| dot(&column, x))
 }
 
-fn quadratic(block: &Block, x: &Column) -> f64 {
+fn quadratic(block: &Block6, x: &Column6) -> f64 {
     dot(x, &times(block, x)).max(0.0)
 }
 
 /// Converts a small motion (rotation vector, then translation) to a pose.
-fn exp(step: &Column) -> Pose {
+fn exp(step: &Column6) -> Pose {
     let [a, b, c, x, y, z] = *step;
     Pose {
         rotation: DQuat::from_scaled_axis(DVec3::new(a, b, c)),
@@ -296,7 +296,7 @@ fn exp(step: &Column) -> Pose {
 }
 
 /// Returns the motion δ with `to = exp(δ) · from`.
-fn difference(to: &Pose, from: &Pose) -> Column {
+fn difference(to: &Pose, from: &Pose) -> Column6 {
     let movement = to.compose(&from.inverse());
     let rotation = if movement.rotation.w < 0.0 {
         -movement.rotation
@@ -310,7 +310,7 @@ fn difference(to: &Pose, from: &Pose) -> Column {
 /// Returns the matrix, by columns, that converts a small motion to the target's axes.
 ///
 /// The motion is one of the source.
-fn adjoint(target_from_source: &Pose) -> Block {
+fn adjoint(target_from_source: &Pose) -> Block6 {
     let rotation = DMat3::from_quat(target_from_source.rotation);
     let shift = target_from_source.translation;
     let column = |i: usize| {

@@ -24,7 +24,7 @@ pub struct PosedCamera {
 
 /// Projection of a point into a camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Projection {
+pub struct PointProjection {
     /// Position in pixels, which may lie outside the image.
     pub at_px: DVec2,
     /// Depth along the optical axis, above 0.
@@ -62,7 +62,7 @@ impl PosedCamera {
     /// The position may lie outside the image.
     #[must_use]
     #[inline(always)] // A call costs as much as the projection; the fusion projects every point into every frame.
-    pub fn project(&self, x_in_world: DVec3) -> Option<Projection> {
+    pub fn project(&self, x_in_world: DVec3) -> Option<PointProjection> {
         let x_in_camera = self.transform(x_in_world);
         let at_px = if matches!(self.camera.distortion, Distortion::None) {
             // Avoids looking up the terms of a lens for every point.
@@ -73,7 +73,7 @@ impl PosedCamera {
         } else {
             self.camera.project(x_in_camera)?
         };
-        Some(Projection {
+        Some(PointProjection {
             at_px,
             depth: x_in_camera.z,
         })

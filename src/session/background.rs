@@ -3,10 +3,10 @@ use std::sync::{Arc, LazyLock};
 
 use crate::queries::{
     Angles, AnglesKey, CloudKey, CloudState, Conflicts, ConflictsKey, InstancesKey, LoadedCloud,
-    MeasureSettings, MeasuredCloud, MeshKey, SelectionKey, SparseKey, Surface, SurfaceKey,
+    MeasureSettings, MeasuredCloud, MeshKey, SelectionKey, SparseKey, SurfaceKey, SurfaceKind,
     TraitsKey, VoteMismatchKey,
 };
-use crate::{InstancesRequest, PromptRequest, ProposedInstances, Session, SparseModel};
+use crate::{InstancesRequest, PromptRequest, ProposedInstances, Session, SparseReconstruction};
 use ostra_cloud::conflicts::FrameConflict;
 use ostra_cloud::fuse::Votes;
 use ostra_cloud::measure::{LengthUnit, TraitRow};
@@ -81,7 +81,7 @@ impl Session {
     /// They have the labels of the cloud in memory. A job makes them when they are first requested.
     /// After a new vote, the previous triangles are returned until the new ones are ready.
     #[must_use]
-    pub fn surface(&self, surface: Surface) -> Option<&Arc<LabelledMesh>> {
+    pub fn surface(&self, surface: SurfaceKind) -> Option<&Arc<LabelledMesh>> {
         let key = SurfaceKey {
             cloud: self.cloud_state()?,
             surface,
@@ -95,7 +95,7 @@ impl Session {
     /// A job loads it when it is first requested. The result is `None` until
     /// [`Event::SparseChanged`](crate::Event::SparseChanged).
     #[must_use]
-    pub fn sparse(&self) -> Option<&Arc<SparseModel>> {
+    pub fn sparse(&self) -> Option<&Arc<SparseReconstruction>> {
         let version = version_in_force(self.project()?, ResultKind::Cameras)?;
         let known = self.background.sparse.get(SparseKey { version })?;
         Some(known.value)

@@ -21,7 +21,7 @@ use ostra_masks::LabelTree;
 use ostra_project::voted_cloud::VotedCloud;
 
 /// Accessor for a query in the background state.
-type Slot<K, V> = fn(&mut Background) -> &mut Query<K, V>;
+type QueryAccessor<K, V> = fn(&mut Background) -> &mut Query<K, V>;
 
 impl Session {
     /// Starts the jobs of all values that were requested and are not available.
@@ -46,7 +46,7 @@ impl Session {
         self.start_prompt_preview();
     }
 
-    fn next<K: QueryKey, V>(&mut self, slot: Slot<K, V>) -> Option<K> {
+    fn next<K: QueryKey, V>(&mut self, slot: QueryAccessor<K, V>) -> Option<K> {
         slot(&mut self.background).next(&mut self.jobs)
     }
 
@@ -57,7 +57,7 @@ impl Session {
         R: Into<WithWarnings<V>> + 'static,
     >(
         &mut self,
-        slot: Slot<K, V>,
+        slot: QueryAccessor<K, V>,
         make: fn(&Snapshot, &K, &Progress) -> Result<R>,
     ) {
         if let Some(key) = self.next(slot)
@@ -72,7 +72,7 @@ impl Session {
     /// Starts the job that computes the value of a key.
     fn start_query<K: QueryKey, V: Send + Sync + 'static>(
         &mut self,
-        slot: Slot<K, V>,
+        slot: QueryAccessor<K, V>,
         key: K,
         make: impl FnOnce(&K, &Progress) -> Result<WithWarnings<V>> + Send + 'static,
     ) {

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use crate::requests::{
-    AttachRequest, CleanRequest, CloudCorrection, GroundRequest, InstancesRequest, ModelRequest,
-    MoveBorderRequest, PaintRequest, TakeRequest, TraceRequest, TrackSettings,
+    AttachRequest, CleanRequest, CloudCorrection, FindByTextRequest, InstancesRequest,
+    ModelRequest, MoveBorderRequest, PaintRequest, TakeRequest, TraceRequest, TrackSettings,
 };
 use ostra_frames::cameras::IntrinsicsSource;
 use ostra_masks::LabelId;
@@ -54,7 +54,7 @@ pub enum Command {
     /// An empty prompt removes the label from the frame.
     Prompt(PromptRequest),
     /// Finds objects on a frame by text.
-    Ground(GroundRequest),
+    Ground(FindByTextRequest),
     /// Creates labels and masks from found objects.
     TakeFound(TakeRequest),
     /// Applies a brush, eraser or polygon to a frame's mask; the frame becomes a keyframe.

@@ -22,7 +22,7 @@ pub enum EngineKind {
 
 /// An engine, as shown in lists.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Engine {
+pub struct EngineInfo {
     /// Purpose of the engine.
     pub kind: EngineKind,
     /// Name on the command line.
@@ -75,8 +75,8 @@ pub(crate) trait EngineId: EngineName {
     }
 
     /// Returns the rows, as shown in lists.
-    fn list() -> impl Iterator<Item = Engine> {
-        Self::TABLE.iter().map(|spec| Engine {
+    fn list() -> impl Iterator<Item = EngineInfo> {
+        Self::TABLE.iter().map(|spec| EngineInfo {
             kind: Self::KIND,
             name: spec.id.name(),
             installed: (spec.is_installed)(),
@@ -179,7 +179,7 @@ impl EngineId for MatcherId {
 
 /// Returns every engine that can be named on the command line, `auto` first within its kind.
 #[must_use]
-pub fn list_engines() -> Vec<Engine> {
+pub fn list_engines() -> Vec<EngineInfo> {
     SegmenterId::list()
         .chain(GrounderId::list())
         .chain(TrackerId::list())

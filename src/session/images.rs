@@ -16,7 +16,7 @@ const THUMBNAILS_KEPT: usize = 1_000;
 /// Current requests are loaded before earlier ones.
 pub struct Images {
     loader: Loader<ImageRequest, Result<Arc<Image>, String>>,
-    state: Mutex<State>,
+    state: Mutex<ImagesState>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -26,7 +26,7 @@ enum ImageRequest {
 }
 
 #[derive(Default)]
-struct State {
+struct ImagesState {
     images: Shelf,
     thumbnails: Shelf,
     failures: BTreeMap<usize, String>,
@@ -122,12 +122,12 @@ impl Images {
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, ImagesState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl State {
+impl ImagesState {
     fn ask(&mut self, request: ImageRequest) {
         if self.is_missing(request) && !self.wanted.contains(&request) {
             self.wanted.push(request);

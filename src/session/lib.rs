@@ -68,21 +68,23 @@ mod track_run;
 
 pub use command::{Command, NewProject, Recipe};
 pub use drawings::Drawings;
-pub use engine_table::{Engine, EngineKind, list_engines};
+pub use engine_table::{EngineInfo, EngineKind, list_engines};
 pub use event::{Event, JobView};
 pub use grounding::{FoundThing, Grounding};
 pub use images::Images;
 pub use job_task::{JobTask, JobTitle};
 pub use jobs::JobKind;
 pub use models::{add_model, check_model, install_model, list_models};
-pub use ostra_compute::nn::{Added, CheckedFile, Fetched, Installed, Provider, Row, Verification};
+pub use ostra_compute::nn::{
+    Added, CheckedFile, Fetched, Installed, ModelStatus, Provider, Verification,
+};
 pub use ostra_project::suggestion::{Reason, Suggestion};
 pub use ostra_project::{PromptRequest, RangeChange, RangeRequest};
 pub use prepared::PreparedFrames;
-pub use queries::{Angles, MeasureSettings, ProposedInstances, SparseModel, Surface};
+pub use queries::{Angles, MeasureSettings, ProposedInstances, SparseReconstruction, SurfaceKind};
 pub use recent::Recent;
 pub use requests::{
-    AttachRequest, CleanRequest, CloudChange, CloudCorrection, GroundRequest, InstancesRequest,
+    AttachRequest, CleanRequest, CloudChange, CloudCorrection, FindByTextRequest, InstancesRequest,
     ModelRequest, ModelTask, MoveBorderRequest, PaintRequest, TakeRequest, TraceRequest,
     TrackSettings,
 };

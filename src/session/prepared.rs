@@ -66,12 +66,12 @@ pub struct PreparedFrames {
 
 #[derive(Default)]
 struct Slots {
-    by_key: BTreeMap<String, Slot>,
+    by_key: BTreeMap<String, PreparedSlot>,
     clock: u64,
 }
 
 #[derive(Default)]
-struct Slot {
+struct PreparedSlot {
     used: u64,
     bytes: usize,
     frame: Ready,

@@ -57,7 +57,7 @@ struct QueryJob<K> {
 }
 
 /// A known value.
-pub(crate) struct Answer<'a, V> {
+pub(crate) struct QueryValue<'a, V> {
     pub(crate) value: &'a Arc<V>,
     /// Whether it is the value of the requested key, and not an earlier one that serves.
     pub(crate) is_current: bool,
@@ -92,7 +92,7 @@ impl<K, V> Default for Query<K, V> {
 
 impl<K: QueryKey, V> Query<K, V> {
     /// Requests the value of a key and returns the known value.
-    pub(crate) fn get(&self, key: K) -> Option<Answer<'_, V>> {
+    pub(crate) fn get(&self, key: K) -> Option<QueryValue<'_, V>> {
         let known = self.known(&key);
         self.is_wanted
             .set(known.as_ref().is_none_or(|known| !known.is_current));
@@ -106,10 +106,10 @@ impl<K: QueryKey, V> Query<K, V> {
     }
 
     /// Like [`Self::get`], without requesting the value.
-    pub(crate) fn known(&self, key: &K) -> Option<Answer<'_, V>> {
+    pub(crate) fn known(&self, key: &K) -> Option<QueryValue<'_, V>> {
         let (of, value) = self.known.as_ref()?;
         let is_current = of == key;
-        (is_current || of.serves(key)).then_some(Answer { value, is_current })
+        (is_current || of.serves(key)).then_some(QueryValue { value, is_current })
     }
 
     /// Returns the known value with its key.

@@ -13,7 +13,7 @@ use ostra_project::{GrounderId, MaskOrigin, Project, SegmenterId, TrackerId};
 
 /// A search for objects by text.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct GroundRequest {
+pub struct FindByTextRequest {
     /// Frame number.
     pub frame: usize,
     /// Phrases, each of which names a class of objects.

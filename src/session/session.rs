@@ -15,7 +15,8 @@ use crate::queries::{
 use crate::query::Query;
 use crate::track_run::TrackRun;
 use crate::{
-    Event, Grounding, JobView, PromptRequest, ProposedInstances, Recipe, SparseModel, Suggestion,
+    Event, Grounding, JobView, PromptRequest, ProposedInstances, Recipe, SparseReconstruction,
+    Suggestion,
 };
 use ostra_cloud::LabelledMesh;
 use ostra_cloud::measure::TraitRow;
@@ -56,7 +57,7 @@ pub(crate) struct Background {
     pub(crate) cloud: CloudQuery,
     pub(crate) mesh: Query<MeshKey, LabelledMesh>,
     pub(crate) surface: Query<SurfaceKey, LabelledMesh>,
-    pub(crate) sparse: Query<SparseKey, SparseModel>,
+    pub(crate) sparse: Query<SparseKey, SparseReconstruction>,
     pub(crate) instances: Query<InstancesKey, ProposedInstances>,
     pub(crate) conflicts: Query<ConflictsKey, Conflicts>,
     pub(crate) vote_mismatch: Query<VoteMismatchKey, Region>,

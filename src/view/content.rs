@@ -6,12 +6,12 @@ use super::point_blocks::PointBlocks;
 use super::point_lod::{Arranged, Arrival, LodBuild};
 use super::surface_chunks::SurfaceChunks;
 use super::target::Gpu;
-use super::{Appearance, ImagePlane, Line, SceneStyle, ViewCamera};
+use super::{Appearance, ImagePlane, LineVertex, SceneStyle, ViewCamera};
 use ostra_cloud::{LabelledCloud, LabelledMesh};
 
 /// The model shown in the 3-D view.
 #[derive(Debug, Clone)]
-pub enum Model {
+pub enum SceneModel {
     /// Points as discs.
     Cloud(Arc<LabelledCloud>),
     /// Triangles, lit from the camera.
@@ -22,7 +22,7 @@ pub enum Model {
     Wireframe(Arc<LabelledMesh>),
 }
 
-impl Model {
+impl SceneModel {
     /// Returns the points of a cloud or the vertices of a mesh.
     #[must_use]
     pub fn points(&self) -> &LabelledCloud {
@@ -46,13 +46,13 @@ impl Model {
 
 /// A model that is being uploaded, and the image that is being drawn of it.
 pub(super) struct Content {
-    model: Model,
+    model: SceneModel,
     /// Colours of the uploaded data; `None` until the first upload.
     paint: Option<Paint>,
-    kind: Kind,
+    kind: ContentKind,
 }
 
-enum Kind {
+enum ContentKind {
     Points {
         /// A sample of the points, later all of them; `None` until the sample is arranged.
         blocks: Option<PointBlocks>,
@@ -67,9 +67,9 @@ impl Content {
     pub(super) fn empty() -> Self {
         let blocks = Some(PointBlocks::new(Arc::default()));
         Self {
-            model: Model::Cloud(Arc::default()),
+            model: SceneModel::Cloud(Arc::default()),
             paint: None,
-            kind: Kind::Points {
+            kind: ContentKind::Points {
                 blocks,
                 lod_build: None,
             },
@@ -77,17 +77,19 @@ impl Content {
     }
 
     /// Creates content for `model`; `before` is the content shown so far.
-    pub(super) fn new(model: Model, before: &Self) -> Self {
+    pub(super) fn new(model: SceneModel, before: &Self) -> Self {
         let kind = match &model {
-            Model::Cloud(cloud) if cloud.is_empty() => return Self::empty(),
-            Model::Cloud(cloud) => Kind::Points {
+            SceneModel::Cloud(cloud) if cloud.is_empty() => return Self::empty(),
+            SceneModel::Cloud(cloud) => ContentKind::Points {
                 blocks: None,
                 lod_build: Some(LodBuild::begin(Arc::clone(cloud), before.arranged())),
             },
-            Model::Surface(mesh) | Model::Wireframe(mesh) => Kind::Surface(SurfaceChunks::new(
-                mesh.triangles.len(),
-                matches!(model, Model::Wireframe(_)),
-            )),
+            SceneModel::Surface(mesh) | SceneModel::Wireframe(mesh) => {
+                ContentKind::Surface(SurfaceChunks::new(
+                    mesh.triangles.len(),
+                    matches!(model, SceneModel::Wireframe(_)),
+                ))
+            }
         };
         Self {
             model,
@@ -100,8 +102,8 @@ impl Content {
     fn arranged(&self) -> Option<Arranged> {
         match (&self.model, &self.kind) {
             (
-                Model::Cloud(cloud),
-                Kind::Points {
+                SceneModel::Cloud(cloud),
+                ContentKind::Points {
                     blocks: Some(blocks),
                     ..
                 },
@@ -113,13 +115,13 @@ impl Content {
         }
     }
 
-    pub(super) fn shows(&self, model: &Model) -> bool {
+    pub(super) fn shows(&self, model: &SceneModel) -> bool {
         self.model.is(model)
     }
 
     /// Applies a completed arrangement; returns whether the image must be redrawn.
     pub(super) fn receive(&mut self) -> bool {
-        let Kind::Points { blocks, lod_build } = &mut self.kind else {
+        let ContentKind::Points { blocks, lod_build } = &mut self.kind else {
             return false;
         };
         match lod_build.as_ref().map(LodBuild::next) {
@@ -137,14 +139,14 @@ impl Content {
 
     /// Returns whether there is anything to draw yet.
     pub(super) fn is_ready(&self) -> bool {
-        !matches!(self.kind, Kind::Points { blocks: None, .. })
+        !matches!(self.kind, ContentKind::Points { blocks: None, .. })
     }
 
     /// Returns whether no further arrangement is expected.
     pub(super) fn is_final(&self) -> bool {
         !matches!(
             self.kind,
-            Kind::Points {
+            ContentKind::Points {
                 lod_build: Some(_),
                 ..
             }
@@ -155,8 +157,8 @@ impl Content {
     pub(super) fn forget(&mut self) {
         self.paint = None;
         match &mut self.kind {
-            Kind::Points { blocks, .. } => blocks.iter_mut().for_each(PointBlocks::forget),
-            Kind::Surface(chunks) => chunks.forget(),
+            ContentKind::Points { blocks, .. } => blocks.iter_mut().for_each(PointBlocks::forget),
+            ContentKind::Surface(chunks) => chunks.forget(),
         }
     }
 
@@ -168,40 +170,44 @@ impl Content {
     /// Returns the strength of the eye-dome lighting: 0 for triangles, lit by their normals.
     pub(super) fn edl_strength(&self, of_points: f32) -> f32 {
         match self.kind {
-            Kind::Points { .. } => of_points,
-            Kind::Surface(_) => 0.0,
+            ContentKind::Points { .. } => of_points,
+            ContentKind::Surface(_) => 0.0,
         }
     }
 
     /// Returns the number of points or triangles.
     pub(super) fn len(&self) -> usize {
         match &self.kind {
-            Kind::Points { .. } => self.model.points().len(),
-            Kind::Surface(chunks) => chunks.len(),
+            ContentKind::Points { .. } => self.model.points().len(),
+            ContentKind::Surface(chunks) => chunks.len(),
         }
     }
 
     /// Returns how many points or triangles of the current image are drawn.
     pub(super) fn drawn(&self) -> usize {
         match &self.kind {
-            Kind::Points { blocks, .. } => blocks.as_ref().map_or(0, PointBlocks::drawn),
-            Kind::Surface(chunks) => chunks.drawn(),
+            ContentKind::Points { blocks, .. } => blocks.as_ref().map_or(0, PointBlocks::drawn),
+            ContentKind::Surface(chunks) => chunks.drawn(),
         }
     }
 
     /// Returns whether the current image is drawn completely.
     pub(super) fn is_drawn(&self) -> bool {
         match &self.kind {
-            Kind::Points { blocks, .. } => blocks.as_ref().is_some_and(PointBlocks::is_drawn),
-            Kind::Surface(chunks) => chunks.drawn() == chunks.len(),
+            ContentKind::Points { blocks, .. } => {
+                blocks.as_ref().is_some_and(PointBlocks::is_drawn)
+            }
+            ContentKind::Surface(chunks) => chunks.drawn() == chunks.len(),
         }
     }
 
     /// Returns whether the current image is drawn and includes all available points in view.
     pub(super) fn is_whole(&self) -> bool {
         match &self.kind {
-            Kind::Points { blocks, .. } => blocks.as_ref().is_some_and(PointBlocks::is_whole),
-            Kind::Surface(_) => self.is_drawn(),
+            ContentKind::Points { blocks, .. } => {
+                blocks.as_ref().is_some_and(PointBlocks::is_whole)
+            }
+            ContentKind::Surface(_) => self.is_drawn(),
         }
     }
 
@@ -210,7 +216,7 @@ impl Content {
     /// An image of points is shown when it is drawn completely, however coarse, and stays until a
     /// finer one is complete. An image of triangles is shown while it fills up.
     pub(super) fn is_presentable(&self) -> bool {
-        matches!(self.kind, Kind::Surface(_)) || self.is_drawn()
+        matches!(self.kind, ContentKind::Surface(_)) || self.is_drawn()
     }
 
     /// Starts an image.
@@ -219,15 +225,15 @@ impl Content {
     /// upload.
     pub(super) fn begin(&mut self, gpu: &Gpu, scene: &Scene3d, batch: usize) {
         match &mut self.kind {
-            Kind::Points {
+            ContentKind::Points {
                 blocks: Some(blocks),
                 ..
             } => blocks.begin(&scene.camera, &scene.style, batch),
-            Kind::Points { .. } => {}
-            Kind::Surface(chunks) => chunks.begin(),
+            ContentKind::Points { .. } => {}
+            ContentKind::Surface(chunks) => chunks.begin(),
         }
         self.upload_next(gpu, &scene.style.appearance, batch);
-        if let Kind::Points {
+        if let ContentKind::Points {
             blocks: Some(blocks),
             ..
         } = &mut self.kind
@@ -238,7 +244,7 @@ impl Content {
 
     /// Starts a finer image of the same points; an image of triangles is continued.
     pub(super) fn refine(&mut self) {
-        if let Kind::Points {
+        if let ContentKind::Points {
             blocks: Some(blocks),
             ..
         } = &mut self.kind
@@ -256,13 +262,16 @@ impl Content {
             .get_or_insert_with(|| Paint::new(self.model.points(), appearance));
         match (&self.model, &mut self.kind) {
             (
-                Model::Cloud(cloud),
-                Kind::Points {
+                SceneModel::Cloud(cloud),
+                ContentKind::Points {
                     blocks: Some(blocks),
                     ..
                 },
             ) => blocks.upload_next(gpu, cloud, paint),
-            (Model::Surface(mesh) | Model::Wireframe(mesh), Kind::Surface(chunks)) => {
+            (
+                SceneModel::Surface(mesh) | SceneModel::Wireframe(mesh),
+                ContentKind::Surface(chunks),
+            ) => {
                 chunks.upload_next(&gpu.device, mesh, paint, batch);
             }
             _ => {}
@@ -277,12 +286,12 @@ impl Content {
         batch: usize,
     ) {
         match &mut self.kind {
-            Kind::Points {
+            ContentKind::Points {
                 blocks: Some(blocks),
                 ..
             } => blocks.draw(pass, pipelines, batch),
-            Kind::Points { .. } => {}
-            Kind::Surface(chunks) => chunks.draw(pass, pipelines, batch),
+            ContentKind::Points { .. } => {}
+            ContentKind::Surface(chunks) => chunks.draw(pass, pipelines, batch),
         }
     }
 }
@@ -295,7 +304,7 @@ pub struct Scene3d {
     /// Colours, clip box, sizes and background.
     pub style: SceneStyle,
     /// Line segments, e.g. [`super::frustum_lines`]; never clipped.
-    pub lines: Vec<Line>,
+    pub lines: Vec<LineVertex>,
     /// Images placed in the scene; never clipped.
     pub planes: Vec<ImagePlane>,
 }

@@ -220,7 +220,7 @@ fn strip(plane: &ImagePlane) -> [PlaneVertex; 4] {
 /// One end of a line segment in GPU memory; two of these make a segment.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Line {
+pub struct LineVertex {
     /// Position of the end in world space.
     pub position: [f32; 3],
     /// sRGB and opacity.
@@ -231,7 +231,7 @@ pub struct Line {
 ///
 /// Frame `current` is drawn in the accent colour.
 #[must_use]
-pub fn frustum_lines(frames: &[Frame], size: f32, current: Option<usize>) -> Vec<Line> {
+pub fn frustum_lines(frames: &[Frame], size: f32, current: Option<usize>) -> Vec<LineVertex> {
     let mut lines = Vec::new();
     for (number, frame) in frames.iter().enumerate() {
         let (Some((_, pose)), Some(corners)) = (frame.posed_camera(), frustum_corners(frame, size))
@@ -246,7 +246,7 @@ pub fn frustum_lines(frames: &[Frame], size: f32, current: Option<usize>) -> Vec
         let centre = pose.centre().as_vec3().to_array();
         for (index, &corner) in corners.iter().enumerate() {
             for end in [centre, corner, corner, corners[(index + 1) % 4]] {
-                lines.push(Line {
+                lines.push(LineVertex {
                     position: end,
                     color,
                 });
@@ -261,7 +261,7 @@ pub fn frustum_lines(frames: &[Frame], size: f32, current: Option<usize>) -> Vec
 /// Odometry is grey, loops and overlap are green, shape fits are orange. Links that the other links
 /// contradict are red.
 #[must_use]
-pub fn link_lines(frames: &[Frame], links: &[FrameLink]) -> Vec<Line> {
+pub fn link_lines(frames: &[Frame], links: &[FrameLink]) -> Vec<LineVertex> {
     let centre = |frame: usize| {
         Some(
             frames
@@ -282,7 +282,7 @@ pub fn link_lines(frames: &[Frame], links: &[FrameLink]) -> Vec<Line> {
         };
         Some(
             [centre(link.frames[0])?, centre(link.frames[1])?]
-                .map(|position| Line { position, color }),
+                .map(|position| LineVertex { position, color }),
         )
     };
     links.iter().filter_map(line).flatten().collect()

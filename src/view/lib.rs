@@ -1,6 +1,6 @@
 //! Drawing of clouds, meshes and masks; picking; screenshots.
 //!
-//! A [`Model`] is a labelled cloud or mesh. It is drawn with a [`ViewCamera`], usually that of an
+//! A [`SceneModel`] is a labelled cloud or mesh. It is drawn with a [`ViewCamera`], usually that of an
 //! [`Orbit`], and a [`SceneStyle`]. [`SceneView`] draws on the GPU into a texture of its own, a
 //! bounded batch per call, so that the window stays responsive for clouds of any size.
 //! [`draw_cloud`] and [`draw_mesh`] are its CPU twins. They return a [`Shot`], which [`write_png`]
@@ -51,8 +51,8 @@ mod target;
 mod view_camera;
 
 pub use axes::{Axes, Bounds, Side};
-pub use content::{Model, Scene3d};
-pub use frame_shapes::{ImagePlane, Line, frustum_lines, link_lines};
+pub use content::{Scene3d, SceneModel};
+pub use frame_shapes::{ImagePlane, LineVertex, frustum_lines, link_lines};
 pub use layers::{Layer, LayerImage, draw_layer};
 pub use mesh_raster::draw_mesh;
 pub use orbit::Orbit;

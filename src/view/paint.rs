@@ -21,7 +21,7 @@ const SAMPLED: usize = 100_000;
 #[derive(Debug, Clone)]
 pub(super) struct Paint {
     labels: LabelColors,
-    source: Source,
+    source: ColorSource,
     uncertain_below: Option<f32>,
     /// Opacity of faint points.
     faint: u8,
@@ -29,7 +29,7 @@ pub(super) struct Paint {
 
 /// Source of the colours.
 #[derive(Debug, Clone)]
-enum Source {
+enum ColorSource {
     Rgb,
     Label,
     Normals,
@@ -51,7 +51,7 @@ impl Paint {
         let tree = appearance.tree.as_ref().unwrap_or(&cloud.tree);
         Self {
             labels: LabelColors::new(tree, appearance),
-            source: Source::new(cloud, appearance),
+            source: ColorSource::new(cloud, appearance),
             uncertain_below: appearance.uncertain_below,
             faint: faint_opacity(appearance),
         }
@@ -61,13 +61,13 @@ impl Paint {
     pub(super) fn color(&self, cloud: &LabelledCloud, index: usize) -> Option<[u8; 4]> {
         let label = self.labels.get(cloud.labels[index]);
         let [r, g, b] = match &self.source {
-            Source::Rgb => cloud.colors[index],
-            Source::Label => [label[0], label[1], label[2]],
-            Source::Normals => of_normal(cloud.normals[index]),
-            Source::Ramp { number, range } => {
+            ColorSource::Rgb => cloud.colors[index],
+            ColorSource::Label => [label[0], label[1], label[2]],
+            ColorSource::Normals => of_normal(cloud.normals[index]),
+            ColorSource::Ramp { number, range } => {
                 ramp((number.of(cloud, index) - range[0]) / (range[1] - range[0]))
             }
-            Source::Unknown => UNKNOWN,
+            ColorSource::Unknown => UNKNOWN,
         };
         let opacity = self.opacity(cloud, index);
         (opacity > 0).then_some([r, g, b, opacity])
@@ -89,13 +89,13 @@ impl Paint {
     /// Returns the values at the ends of the colour ramp, if the colours use one.
     pub(super) fn range(&self) -> Option<[f32; 2]> {
         match self.source {
-            Source::Ramp { range, .. } => Some(range),
+            ColorSource::Ramp { range, .. } => Some(range),
             _ => None,
         }
     }
 }
 
-impl Source {
+impl ColorSource {
     fn new(cloud: &LabelledCloud, appearance: &Appearance) -> Self {
         let votes = || {
             appearance

@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use wgpu::util::DeviceExt;
 
-use super::frame_shapes::{Line, Planes};
+use super::frame_shapes::{LineVertex, Planes};
 use super::target::{Primitives, compiled};
 
 /// The compiled pipelines and the uniform that they share.
@@ -19,32 +19,32 @@ pub(super) struct Pipelines {
 }
 
 /// Primitive topology and vertex layout of a pipeline.
-struct Shape {
+struct PrimitiveLayout {
     topology: wgpu::PrimitiveTopology,
     step_mode: wgpu::VertexStepMode,
     stride: usize,
     attributes: &'static [wgpu::VertexAttribute],
 }
 
-const DISCS: Shape = Shape {
+const DISCS: PrimitiveLayout = PrimitiveLayout {
     topology: wgpu::PrimitiveTopology::TriangleStrip,
     step_mode: wgpu::VertexStepMode::Instance,
     stride: size_of::<PointInstance>(),
     attributes: &wgpu::vertex_attr_array![0 => Float32x3, 1 => Unorm8x4, 2 => Float32],
 };
-const LINES: Shape = Shape {
+const LINES: PrimitiveLayout = PrimitiveLayout {
     topology: wgpu::PrimitiveTopology::LineList,
     step_mode: wgpu::VertexStepMode::Vertex,
-    stride: size_of::<Line>(),
+    stride: size_of::<LineVertex>(),
     attributes: &wgpu::vertex_attr_array![0 => Float32x3, 1 => Unorm8x4],
 };
-const TRIANGLES: Shape = Shape {
+const TRIANGLES: PrimitiveLayout = PrimitiveLayout {
     topology: wgpu::PrimitiveTopology::TriangleList,
     step_mode: wgpu::VertexStepMode::Vertex,
     stride: size_of::<SurfaceVertex>(),
     attributes: &wgpu::vertex_attr_array![0 => Float32x3, 1 => Unorm8x4, 2 => Snorm16x4],
 };
-const EDGES: Shape = Shape {
+const EDGES: PrimitiveLayout = PrimitiveLayout {
     topology: wgpu::PrimitiveTopology::LineList,
     ..TRIANGLES
 };
@@ -102,7 +102,7 @@ fn pipeline(
     device: &wgpu::Device,
     groups: &[&wgpu::BindGroupLayout],
     shader: wgpu::ShaderModuleDescriptor<'_>,
-    shape: &Shape,
+    shape: &PrimitiveLayout,
 ) -> wgpu::RenderPipeline {
     let vertices = wgpu::VertexBufferLayout {
         array_stride: shape.stride as u64,

@@ -25,7 +25,7 @@ const FINER: usize = 6;
 pub(super) struct PointBlocks {
     point_lod: Arc<PointLod>,
     on_gpu: Vec<OnGpu>,
-    parts: Vec<Part>,
+    parts: Vec<VisibleBlock>,
 }
 
 /// The first points of a block.
@@ -36,7 +36,7 @@ struct OnGpu {
 }
 
 /// The part of one block that an image shows.
-struct Part {
+struct VisibleBlock {
     block: usize,
     all: usize,
     /// Approximate area on the screen in square pixels.
@@ -70,7 +70,7 @@ impl PointBlocks {
     pub fn begin(&mut self, camera: &ViewCamera, style: &SceneStyle, budget: usize) {
         let frustum = Frustum::new(camera, style);
         let blocks = self.point_lod.blocks.iter().enumerate();
-        let mut seen: Vec<(f32, Part)> = blocks
+        let mut seen: Vec<(f32, VisibleBlock)> = blocks
             .filter(|(_, block)| frustum.reaches(&block.bounds))
             .map(|(number, block)| {
                 let radius = block.bounds.radius();
@@ -83,7 +83,7 @@ impl PointBlocks {
                     .max(f32::MIN_POSITIVE);
                 (
                     depth,
-                    Part {
+                    VisibleBlock {
                         block: number,
                         all: block.len(),
                         area_px,
@@ -142,7 +142,7 @@ impl PointBlocks {
         }
         let mut room = UPLOAD;
         for part in 0..self.parts.len() {
-            let Part {
+            let VisibleBlock {
                 block, all, share, ..
             } = self.parts[part];
             let has = self.on_gpu[block].count;

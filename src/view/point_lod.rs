@@ -26,17 +26,17 @@ const RADIUS: f32 = 0.75;
 pub(super) struct PointLod {
     order: Vec<u32>,
     radii: Vec<f32>,
-    pub blocks: Vec<Block>,
+    pub blocks: Vec<LodBlock>,
 }
 
 /// A run of points that are close to each other.
-pub(super) struct Block {
+pub(super) struct LodBlock {
     places: Range<usize>,
     /// Bounding box of its finite points.
     pub bounds: Bounds,
 }
 
-impl Block {
+impl LodBlock {
     /// Returns the number of points.
     pub fn len(&self) -> usize {
         self.places.len()
@@ -88,7 +88,7 @@ impl PointLod {
         };
         let blocks = blocks
             .into_par_iter()
-            .map(|places| Block {
+            .map(|places| LodBlock {
                 bounds: bounds(&places),
                 places,
             })
@@ -153,7 +153,7 @@ impl ZOrder {
         size: usize,
     ) -> Self {
         let index_bits = u64::BITS - (positions.len() as u64).leading_zeros();
-        let grid = Grid::over(positions, ((u64::BITS - index_bits) / 3).min(21));
+        let grid = LodGrid::over(positions, ((u64::BITS - index_bits) / 3).min(21));
         let key = |place| {
             let index = index(place);
             grid.code(positions[index]) << index_bits | index as u64
@@ -172,13 +172,13 @@ impl ZOrder {
 }
 
 /// A regular grid of cubes around the points.
-struct Grid {
+struct LodGrid {
     min: Vec3,
     per_unit: f32,
     last: f32,
 }
 
-impl Grid {
+impl LodGrid {
     /// Creates a grid twice as large as the extent of all but a few points.
     ///
     /// Outliers beyond it are assigned to its outermost cells.

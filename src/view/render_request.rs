@@ -2,7 +2,7 @@ use std::sync::{Arc, OnceLock};
 
 use super::point_lod::PointLod;
 use super::raster::draw_arranged;
-use super::{Model, Orbit, SceneStyle, Shot, draw_mesh};
+use super::{Orbit, SceneModel, SceneStyle, Shot, draw_mesh};
 
 /// A model with a view and a style, for drawing on the CPU at any size and rotation.
 ///
@@ -11,7 +11,7 @@ use super::{Model, Orbit, SceneStyle, Shot, draw_mesh};
 #[derive(Clone)]
 pub struct RenderRequest {
     /// The model; a wireframe is drawn as triangles.
-    model: Model,
+    model: SceneModel,
     /// The view.
     orbit: Orbit,
     /// Colours, clip box, sizes and background.
@@ -28,7 +28,7 @@ impl RenderRequest {
     /// `rows` (above 0) is the height of the view for which sizes in pixels are given. Point sizes
     /// scale with the image.
     #[must_use]
-    pub fn new(model: Model, orbit: Orbit, style: SceneStyle, rows: u32) -> Self {
+    pub fn new(model: SceneModel, orbit: Orbit, style: SceneStyle, rows: u32) -> Self {
         Self {
             model,
             orbit,
@@ -51,14 +51,14 @@ impl RenderRequest {
             ..self.style.clone()
         };
         match &self.model {
-            Model::Cloud(cloud) => {
+            SceneModel::Cloud(cloud) => {
                 let point_lod = self
                     .point_lod
                     .get_or_init(|| Arc::new(PointLod::of(&cloud.positions)));
                 draw_arranged(cloud, point_lod, &orbit.camera(width, height), &style)
             }
             // Each pixel is the mean of four, which smooths edges.
-            Model::Surface(mesh) | Model::Wireframe(mesh) => {
+            SceneModel::Surface(mesh) | SceneModel::Wireframe(mesh) => {
                 draw_mesh(mesh, &orbit.camera(width * 2, height * 2), &style).halved(transparent)
             }
         }

@@ -3,7 +3,7 @@ use std::time::{Duration, Instant};
 use wgpu::util::DeviceExt;
 
 use super::ViewCamera;
-use super::content::{Content, Model, Scene3d};
+use super::content::{Content, Scene3d, SceneModel};
 use super::mesh_raster::AMBIENT;
 use super::pipelines::{EyeUniform, Pipelines};
 use super::target::{EyeDome, Gpu, Target};
@@ -57,7 +57,7 @@ impl SceneView {
     /// Sets the model; does nothing if it is already shown.
     ///
     /// A cloud is arranged in the background first; until then the old image stays.
-    pub fn set_model(&mut self, model: Model) {
+    pub fn set_model(&mut self, model: SceneModel) {
         if !self.content.shows(&model) {
             self.content = Content::new(model, &self.content);
             self.is_stale = true;

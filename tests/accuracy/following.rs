@@ -12,7 +12,7 @@ use ostra_cloud::ply::read_ply;
 use ostra_masks::{LabelId, RunMask, encode_palette_png};
 use ostra_project::{ExportRequest, FuseRequest, ResultKind};
 use ostra_session::Event;
-use ostra_session::{Command, Session, Surface};
+use ostra_session::{Command, Session, SurfaceKind};
 
 use super::correct::{JOKES, TISSUES, truth, wrongly_labelled};
 use crate::data::data_dir;
@@ -113,7 +113,7 @@ fn labels_after_a_live_vote_equal_those_of_a_new_fusion() {
         conflicts[&14] > 0.1 && conflicts[&3] < 0.1,
         "the five that are still wrong are doubtful now: {conflicts:?}"
     );
-    for surface in [Surface::Voxels, Surface::Mesh] {
+    for surface in [SurfaceKind::Voxels, SurfaceKind::Mesh] {
         let _ = session.surface(surface);
         session.settle(|_| ControlFlow::Continue(()));
         assert!(

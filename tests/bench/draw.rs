@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 
 use glam::Vec3;
 use ostra_cloud::LabelledCloud;
-use ostra_view::{Bounds, Model, Orbit, Scene3d, SceneStyle, SceneView};
+use ostra_view::{Bounds, Orbit, Scene3d, SceneModel, SceneStyle, SceneView};
 
 /// Number of images drawn while the camera moves.
 const MOVES: usize = 60;
@@ -65,7 +65,7 @@ fn bench(device: &wgpu::Device, queue: &wgpu::Queue, points: usize) {
         (whole, begun.elapsed())
     };
     let begun = Instant::now();
-    view.set_model(Model::Cloud(cloud));
+    view.set_model(SceneModel::Cloud(cloud));
     while view.drawn().0 == 0 {
         draw(&mut view, &orbit);
     }

@@ -13,7 +13,7 @@ use glam::{DQuat, DVec2, DVec3};
 use ostra_compute::gpu::{Device, Software};
 use ostra_core::job::Progress;
 use ostra_geometry::{Camera, Pose};
-use ostra_reconstruct::stereo::Engine;
+use ostra_reconstruct::stereo::StereoEngine;
 use ostra_reconstruct::stereo::patchmatch::{
     PatchMatchOptions, Plane, PlaneMap, PosedImage, Round, Search, Tones,
 };
@@ -23,8 +23,8 @@ const VIEWS: usize = 5;
 
 #[expect(clippy::print_stdout, reason = "a bench speaks to the user")]
 fn main() -> Result<(), Box<dyn Error>> {
-    let mut engines = vec![Engine::Cpu];
-    match Device::open(Software::Allowed).and_then(|device| Engine::on(Arc::new(device))) {
+    let mut engines = vec![StereoEngine::Cpu];
+    match Device::open(Software::Allowed).and_then(|device| StereoEngine::on(Arc::new(device))) {
         Ok(engine) => engines.push(engine),
         Err(error) => println!("only the processor: {error}"),
     }
@@ -69,7 +69,7 @@ fn size(word: &str) -> Option<(u32, u32)> {
 ///
 /// The second search starts from the first result and the sources' true planes.
 fn timed(
-    engine: &Engine,
+    engine: &StereoEngine,
     images: &[Arc<PosedImage>],
 ) -> Result<([PlaneMap; 2], [f64; 2]), Box<dyn Error>> {
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());

@@ -8,7 +8,7 @@ use ostra_cloud::{LabelledCloud, LabelledMesh};
 use ostra_frames::Image;
 use ostra_masks::{Label, LabelId, LabelTree};
 use ostra_view::{
-    Appearance, Axes, Bounds, Clip, Coloring, ImagePlane, Model, Orbit, Scene3d, SceneStyle,
+    Appearance, Axes, Bounds, Clip, Coloring, ImagePlane, Orbit, Scene3d, SceneModel, SceneStyle,
     SceneView, ViewCamera, draw_cloud, draw_mesh,
 };
 
@@ -42,7 +42,7 @@ impl View {
         })
     }
 
-    pub fn set_model(&mut self, model: Model) {
+    pub fn set_model(&mut self, model: SceneModel) {
         self.scene_view.set_model(model);
     }
 
@@ -206,7 +206,7 @@ fn surface_equals_its_cpu_twin_and_contains_its_wires() {
     let camera = Orbit::framing(&bounds, Vec3::new(0.3, 0.2, 1.0), Vec3::NEG_Y).camera(256, 192);
     let mut style = by_label();
     let mut view = View::new();
-    view.set_model(Model::Surface(Arc::clone(&mesh)));
+    view.set_model(SceneModel::Surface(Arc::clone(&mesh)));
     let (gpu, calls) = drawn(&mut view, &scene(camera, &style));
     assert!(calls > 1 && view.drawn() == (mesh.triangles.len(), mesh.triangles.len()));
     let cpu = draw_mesh(&mesh, &camera, &style).image;
@@ -230,9 +230,9 @@ fn surface_equals_its_cpu_twin_and_contains_its_wires() {
     // On a coarse mesh, the edges leave most of the surface open, and no line lies outside it.
     let coarse = Arc::new(waves(12));
     style.appearance.hidden.clear();
-    view.set_model(Model::Wireframe(Arc::clone(&coarse)));
+    view.set_model(SceneModel::Wireframe(Arc::clone(&coarse)));
     let (wires, _) = drawn(&mut view, &scene(camera, &style));
-    view.set_model(Model::Surface(coarse));
+    view.set_model(SceneModel::Surface(coarse));
     let (solid, _) = drawn(&mut view, &scene(camera, &style));
     assert!(
         (15..70).contains(&(covered(&wires) * 100 / covered(&solid))),
@@ -267,7 +267,7 @@ fn progressive_image_ends_equal_to_its_cpu_twin() {
     };
     let scene = scene(camera, &style);
     let mut view = View::new();
-    view.set_model(Model::Cloud(Arc::clone(&cloud)));
+    view.set_model(SceneModel::Cloud(Arc::clone(&cloud)));
     let (gpu, _) = drawn(&mut view, &scene);
     assert_eq!(view.drawn(), (450_000, 450_000));
     let cpu = draw_cloud(&cloud, &camera, &style).image;
@@ -285,13 +285,15 @@ fn progressive_image_ends_equal_to_its_cpu_twin() {
 }
 
 /// Draws a model on GPU and CPU and checks what each kind of drawing must keep equal.
-fn agrees(model: &Model, camera: &ViewCamera, style: &SceneStyle, what: &str) -> Vec<[u8; 4]> {
+fn agrees(model: &SceneModel, camera: &ViewCamera, style: &SceneStyle, what: &str) -> Vec<[u8; 4]> {
     let mut view = View::new();
     view.set_model(model.clone());
     let (gpu, _) = drawn(&mut view, &scene(*camera, style));
     let cpu: Image = match model {
-        Model::Cloud(cloud) => draw_cloud(cloud, camera, style).image,
-        Model::Surface(mesh) | Model::Wireframe(mesh) => draw_mesh(mesh, camera, style).image,
+        SceneModel::Cloud(cloud) => draw_cloud(cloud, camera, style).image,
+        SceneModel::Surface(mesh) | SceneModel::Wireframe(mesh) => {
+            draw_mesh(mesh, camera, style).image
+        }
     };
     let same = alike(&gpu, &cpu.pixels, 3);
     assert!(same >= 975, "{what}: {same} of 1000 pixels agree");
@@ -315,8 +317,8 @@ fn lighting_clipping_projection_and_opacity_are_equal_on_gpu_and_cpu() {
         max: Vec3::new(0.3, 9.0, 9.0),
     };
     let axes = Axes::new(Vec3::new(0.2, -1.0, 0.1), Vec3::Z);
-    for model in [Model::Cloud(cloud), Model::Surface(mesh)] {
-        let is_cloud = matches!(model, Model::Cloud(_));
+    for model in [SceneModel::Cloud(cloud), SceneModel::Surface(mesh)] {
+        let is_cloud = matches!(model, SceneModel::Cloud(_));
         for orthographic in [false, true] {
             let camera = Orbit {
                 orthographic,
@@ -375,7 +377,7 @@ fn image_planes_are_oriented_correctly_and_hidden_by_nearer_points() {
         [-1.0, 1.0, 0.5],
     ];
     let point = LabelledCloud::from_positions(vec![Vec3::new(-0.7, 0.0, 0.0)]);
-    view.set_model(Model::Cloud(Arc::new(point)));
+    view.set_model(SceneModel::Cloud(Arc::new(point)));
     let style = SceneStyle {
         point_px: 6.0,
         edl_strength: 0.0,
@@ -414,7 +416,7 @@ fn image_planes_are_oriented_correctly_and_hidden_by_nearer_points() {
 
 fn cleared_view_shows_nothing_of_the_previous_model() {
     let (mut view, style) = (View::new(), by_label());
-    view.set_model(Model::Cloud(Arc::new(sphere(2_000))));
+    view.set_model(SceneModel::Cloud(Arc::new(sphere(2_000))));
     let bounds = Bounds {
         min: Vec3::NEG_ONE,
         max: Vec3::ONE,
@@ -425,8 +427,8 @@ fn cleared_view_shows_nothing_of_the_previous_model() {
     assert!(view.scene_view.texture().is_none());
 
     let (surface, mut fresh) = (Arc::new(waves(12)), View::new());
-    view.set_model(Model::Surface(Arc::clone(&surface)));
-    fresh.set_model(Model::Surface(surface));
+    view.set_model(SceneModel::Surface(Arc::clone(&surface)));
+    fresh.set_model(SceneModel::Surface(surface));
     let [(after, _), (alone, _)] =
         [&mut view, &mut fresh].map(|view| drawn(view, &scene(camera, &style)));
     assert_eq!(different(&after, &alone), 0);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use ostra_cloud::LabelledCloud;
 use ostra_frames::Image;
-use ostra_view::{Axes, Bounds, Clip, Model, Orbit, SceneStyle, draw_cloud};
+use ostra_view::{Axes, Bounds, Clip, Orbit, SceneModel, SceneStyle, draw_cloud};
 
 use crate::drawing::{View, alike, by_label, drawn, read_back, scene, sphere, step};
 
@@ -20,7 +20,7 @@ fn covered<const N: usize>(pixels: &[[u8; N]], style: &SceneStyle) -> usize {
 fn points_out_of_view_are_culled_and_no_others() {
     let cloud = Arc::new(sphere(1_000_000));
     let mut view = View::new();
-    view.set_model(Model::Cloud(Arc::clone(&cloud)));
+    view.set_model(SceneModel::Cloud(Arc::clone(&cloud)));
     let whole = Orbit::framing(
         &Bounds {
             min: Vec3::NEG_ONE,
@@ -79,7 +79,7 @@ fn image_has_no_holes_from_the_coarsest_level_on() {
         ..by_label()
     };
     let mut view = View::new();
-    view.set_model(Model::Cloud(Arc::clone(&cloud)));
+    view.set_model(SceneModel::Cloud(Arc::clone(&cloud)));
     assert!(
         !view.draw(&scene(orbit.camera(256, 256), &style)),
         "points are arranged first"
@@ -154,7 +154,7 @@ fn dense_and_sparse_parts_have_no_holes_and_no_oversized_discs() {
     let cpu = draw_cloud(&cloud, &camera, &style).image;
     let gpu = {
         let mut view = View::new();
-        view.set_model(Model::Cloud(Arc::clone(&cloud)));
+        view.set_model(SceneModel::Cloud(Arc::clone(&cloud)));
         let pixels = drawn(&mut view, &scene(camera, &style)).0;
         Image {
             width: 1024,
@@ -206,10 +206,10 @@ fn old_image_stays_until_the_new_cloud_is_arranged() {
     .camera(256, 192);
     let style = by_label();
     let mut view = View::new();
-    view.set_model(Model::Cloud(Arc::new(sphere(30_000))));
+    view.set_model(SceneModel::Cloud(Arc::new(sphere(30_000))));
     let (before, _) = drawn(&mut view, &scene(camera, &style));
     for points in [900_000, 800_000] {
-        view.set_model(Model::Cloud(Arc::new(sphere(points))));
+        view.set_model(SceneModel::Cloud(Arc::new(sphere(points))));
         view.draw(&scene(camera, &style));
         let now = read_back(&view, 256, 192);
         assert!(
@@ -217,7 +217,7 @@ fn old_image_stays_until_the_new_cloud_is_arranged() {
             "no blank image between"
         );
     }
-    view.set_model(Model::Cloud(Arc::default()));
+    view.set_model(SceneModel::Cloud(Arc::default()));
     let (nothing, _) = drawn(&mut view, &scene(camera, &style));
     assert_eq!(covered(&nothing, &style), 0);
 }

@@ -14,15 +14,15 @@ use ostra_cloud::fuse::Votes;
 use ostra_cloud::measure::{LengthUnit, TraitRow};
 use ostra_cloud::select::Selection;
 use ostra_cloud::{LabelledCloud, LabelledMesh};
-use ostra_compute::nn::Row;
+use ostra_compute::nn::ModelStatus;
 use ostra_frames::{Frame, FrameCamera, Image, ImageSource, Orientation};
 use ostra_geometry::{Camera, Pose};
 use ostra_masks::{Label, LabelId, LabelMask, LabelTree, RunMask};
 use ostra_project::{FrameMask, MaskOrigin, Project};
 use ostra_session::JobView;
 use ostra_session::{
-    Angles, Command, Engine, Grounding, Images, ProposedInstances, SparseModel, Suggestion,
-    list_engines, list_models,
+    Angles, Command, EngineInfo, Grounding, Images, ProposedInstances, SparseReconstruction,
+    Suggestion, list_engines, list_models,
 };
 
 pub const WIDTH: u32 = 64;
@@ -36,15 +36,15 @@ pub struct Desk {
     pub cloud: Option<Arc<LabelledCloud>>,
     pub votes: Option<Arc<Votes>>,
     pub surface: Option<Arc<LabelledMesh>>,
-    pub sparse: Option<Arc<SparseModel>>,
+    pub sparse: Option<Arc<SparseReconstruction>>,
     pub chosen: Option<Arc<Selection>>,
     pub inspected: Option<PathBuf>,
     pub images: Images,
     pub layers: Option<Layers>,
     pub hovered: Option<Arc<RunMask>>,
     pub jobs: Vec<JobView>,
-    pub engines: Vec<Engine>,
-    pub models: Vec<Row>,
+    pub engines: Vec<EngineInfo>,
+    pub models: Vec<ModelStatus>,
     pub undo: Option<String>,
     pub recent: Vec<PathBuf>,
     pub before: Option<Arc<RunMask>>,

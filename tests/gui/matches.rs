@@ -8,12 +8,12 @@ use glam::{DVec2, DVec3};
 use ostra_frames::cameras::{SparseKeypoint, SparsePoint, SparsePoints};
 use ostra_project::ReconstructRequest;
 use ostra_reconstruct::sfm::RegistrationStatus;
-use ostra_session::{Command, SparseModel};
+use ostra_session::{Command, SparseReconstruction};
 
 use crate::desk::{Desk, press};
 
 /// Returns a model in which frames 0, 1 and 3 share points and frame 2 has no camera.
-fn sparse() -> SparseModel {
+fn sparse() -> SparseReconstruction {
     let point = |x: f64| SparsePoint {
         position: DVec3::new(x, 0.0, 0.0),
         color: [200, 80, 10],
@@ -49,7 +49,7 @@ fn sparse() -> SparseModel {
         ),
         (3, placed(15)),
     ]);
-    SparseModel::new(points, outcomes, Vec::new())
+    SparseReconstruction::new(points, outcomes, Vec::new())
 }
 
 fn with_sparse() -> Desk {

@@ -7,7 +7,7 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use ostra_app::{Panes, Severity, Shown};
 use ostra_frames::{DepthSource, Orientation};
 use ostra_masks::{Apartness, LabelId, PxBox};
-use ostra_session::{Command, Reason, Suggestion, Surface, TrackSettings};
+use ostra_session::{Command, Reason, Suggestion, SurfaceKind, TrackSettings};
 
 use crate::desk::{Desk, labels};
 
@@ -350,9 +350,9 @@ fn surface_can_be_shown_as_mesh_wireframe_or_voxels() {
     desk.surface = Some(Arc::default());
     let mut harness = desk.shown();
     let forms = [
-        ("Mesh", Shown::Mesh, Some(Surface::Mesh)),
-        ("Wireframe", Shown::Wireframe, Some(Surface::Mesh)),
-        ("Voxels", Shown::Voxels, Some(Surface::Voxels)),
+        ("Mesh", Shown::Mesh, Some(SurfaceKind::Mesh)),
+        ("Wireframe", Shown::Wireframe, Some(SurfaceKind::Mesh)),
+        ("Voxels", Shown::Voxels, Some(SurfaceKind::Voxels)),
         ("Points", Shown::Points, None),
     ];
     for (name, shown, needed) in forms {

@@ -4,7 +4,7 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use glam::DVec2;
 use ostra_masks::PxBox;
 use ostra_project::SegmenterId;
-use ostra_session::{Command, EngineKind, FoundThing, GroundRequest, Grounding, TakeRequest};
+use ostra_session::{Command, EngineKind, FindByTextRequest, FoundThing, Grounding, TakeRequest};
 
 use crate::desk::Desk;
 
@@ -44,7 +44,7 @@ fn found_objects_are_taken_one_by_one_or_all_at_once() {
     harness.get_by_label("Find").click();
     harness.run_steps(2);
     let phrases = vec!["leaf".to_owned(), "stem".to_owned()];
-    let ground = GroundRequest {
+    let ground = FindByTextRequest {
         frame: 0,
         phrases,
         threshold: Some(0.1),

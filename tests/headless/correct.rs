@@ -8,7 +8,9 @@ use ostra_cloud::instances::InstanceOptions;
 use ostra_cloud::select::{Eye, SeenRegion, SelectStep};
 use ostra_masks::{LabelId, read_palette_png};
 use ostra_project::{FuseRequest, ResultKind};
-use ostra_session::{CloudChange, CloudCorrection, Command, InstancesRequest, Session, Surface};
+use ostra_session::{
+    CloudChange, CloudCorrection, Command, InstancesRequest, Session, SurfaceKind,
+};
 
 use super::recording::Recording;
 use crate::program::{done, ostra, refused};
@@ -261,11 +263,11 @@ fn surface_of_labelled_points_survives_label_changes() {
             "{title}"
         );
         assert!(
-            session.surface(Surface::Voxels).is_none(),
+            session.surface(SurfaceKind::Voxels).is_none(),
             "made when first asked for"
         );
         session.settle(|_| std::ops::ControlFlow::Continue(()));
-        let voxels = session.surface(Surface::Voxels).expect("voxels");
+        let voxels = session.surface(SurfaceKind::Voxels).expect("voxels");
         assert!(voxels.vertices.labels.contains(&LabelId(after)), "{title}");
         assert!(
             !session.project().unwrap().results[&ResultKind::Cloud].stale,

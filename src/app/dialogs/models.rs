@@ -7,7 +7,7 @@ use super::picker::{PathField, Pick, PickTarget, path_field_ui, typed_path};
 use crate::panels::progress_text;
 use crate::tooltips::modal;
 use crate::{SessionView, ViewState};
-use ostra_compute::nn::{Provider, Row};
+use ostra_compute::nn::{ModelStatus, Provider};
 use ostra_session::{Command, JobView, ModelRequest, ModelTask};
 
 /// Draws the list of known networks with their purpose, state and installation.
@@ -89,7 +89,7 @@ fn row_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &mut ViewState,
-    row: &Row,
+    row: &ModelStatus,
     out: &mut Vec<Command>,
 ) {
     ui.horizontal(|ui| {
@@ -111,7 +111,7 @@ fn row_ui(
 }
 
 /// Shows whether a network is installed, its size and, on hover, its paths.
-fn state_ui(ui: &mut Ui, row: &Row) {
+fn state_ui(ui: &mut Ui, row: &ModelStatus) {
     let Some(installed) = &row.installed else {
         ui.weak("not installed")
             .on_hover_text(format!("It comes from {}", row.source));
@@ -126,7 +126,7 @@ fn state_ui(ui: &mut Ui, row: &Row) {
         .on_hover_text(paths.join("\n"));
 }
 
-fn buttons_ui(ui: &mut Ui, view: &mut ViewState, row: &Row, out: &mut Vec<Command>) {
+fn buttons_ui(ui: &mut Ui, view: &mut ViewState, row: &ModelStatus, out: &mut Vec<Command>) {
     let name = &row.name;
     let mut ask = |task| {
         out.push(Command::Model(ModelRequest {
@@ -179,7 +179,7 @@ fn running_ui(ui: &mut Ui, job: &JobView) {
 }
 
 /// Asks for the files of a network, or for the folder that contains them.
-fn adding_ui(ui: &mut Ui, view: &mut ViewState, row: &Row, out: &mut Vec<Command>) {
+fn adding_ui(ui: &mut Ui, view: &mut ViewState, row: &ModelStatus, out: &mut Vec<Command>) {
     let (hint, pick) = match row.files.as_slice() {
         [_] => ("its file", Pick::File),
         _ => ("folder that holds them", Pick::Folder),

@@ -5,7 +5,7 @@ use crate::textures::Textures;
 use crate::{SessionView, ViewState};
 use ostra_reconstruct::rgbd::{FrameLink, LinkKind};
 use ostra_reconstruct::sfm::RegistrationStatus;
-use ostra_session::SparseModel;
+use ostra_session::SparseReconstruction;
 
 /// Maximum number of drawn lines. Of more matches every n-th is shown.
 const LINES: usize = 120;
@@ -61,7 +61,7 @@ fn pair_ui(
     session: &SessionView<'_>,
     view: &mut ViewState,
     textures: &mut Textures,
-    sparse: &SparseModel,
+    sparse: &SparseReconstruction,
 ) {
     let partners = partners(sparse, view.frame);
     let known = |&other: &usize| partners.iter().any(|&(frame, _)| frame == other);
@@ -128,7 +128,7 @@ fn pair_ui(
 /// Returns the frames linked to this one with a description, strongest first.
 ///
 /// Links come from depth registration if there are any, else from shared points.
-fn partners(sparse: &SparseModel, frame: usize) -> Vec<(usize, String)> {
+fn partners(sparse: &SparseReconstruction, frame: usize) -> Vec<(usize, String)> {
     let linked = |(other, link): (usize, FrameLink)| {
         let kind = match link.kind {
             LinkKind::Odometry => "consecutive",
@@ -233,7 +233,12 @@ const UNCERTAIN_PX: f64 = 1.0;
 /// Draws a row per frame with its accuracy, or the reason why it has no camera.
 ///
 /// A click goes to the frame.
-fn outcomes_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState, sparse: &SparseModel) {
+fn outcomes_ui(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    sparse: &SparseReconstruction,
+) {
     let placed = sparse
         .outcomes
         .values()

@@ -7,7 +7,7 @@ use crate::{SessionView, Shown, ViewState};
 use ostra_cloud::LabelledCloud;
 use ostra_frames::Frame;
 use ostra_view::{
-    Axes, Bounds, ImagePlane, Model, Orbit, Scene3d, SceneView, ViewCamera, default_view,
+    Axes, Bounds, ImagePlane, Orbit, Scene3d, SceneModel, SceneView, ViewCamera, default_view,
 };
 
 /// Part of the window that shows the scene.
@@ -25,7 +25,7 @@ pub(super) struct SceneCanvas {
     gpu: egui_wgpu::RenderState,
     view: SceneView,
     texture: Option<(TextureId, [u32; 2])>,
-    nothing: Model,
+    nothing: SceneModel,
 }
 
 impl SceneCanvas {
@@ -35,7 +35,7 @@ impl SceneCanvas {
             gpu: gpu.clone(),
             view,
             texture: None,
-            nothing: Model::Cloud(Arc::default()),
+            nothing: SceneModel::Cloud(Arc::default()),
         }
     }
 
@@ -51,7 +51,13 @@ impl SceneCanvas {
     /// Renders the next part of the scene and shows the result so far.
     ///
     /// The work per call is bounded. Returns `true` if the image is complete.
-    pub fn draw(&mut self, ui: &Ui, rect: Rect, model: Option<Model>, scene: &Scene3d) -> bool {
+    pub fn draw(
+        &mut self,
+        ui: &Ui,
+        rect: Rect,
+        model: Option<SceneModel>,
+        scene: &Scene3d,
+    ) -> bool {
         self.view
             .set_model(model.unwrap_or_else(|| self.nothing.clone()));
         let whole = self.view.draw(scene);
@@ -128,14 +134,16 @@ pub(super) fn image_planes(
 /// Returns the model to draw.
 ///
 /// Points are drawn until the requested surface is loaded, and while depth maps are computed.
-pub(super) fn model(session: &SessionView<'_>, view: &ViewState) -> Option<Model> {
+pub(super) fn model(session: &SessionView<'_>, view: &ViewState) -> Option<SceneModel> {
     match (
         view.shown,
         session.surface.filter(|_| session.preview_cloud.is_none()),
     ) {
-        (Shown::Mesh | Shown::Voxels, Some(surface)) => Some(Model::Surface(Arc::clone(surface))),
-        (Shown::Wireframe, Some(surface)) => Some(Model::Wireframe(Arc::clone(surface))),
-        _ => session.points().cloned().map(Model::Cloud),
+        (Shown::Mesh | Shown::Voxels, Some(surface)) => {
+            Some(SceneModel::Surface(Arc::clone(surface)))
+        }
+        (Shown::Wireframe, Some(surface)) => Some(SceneModel::Wireframe(Arc::clone(surface))),
+        _ => session.points().cloned().map(SceneModel::Cloud),
     }
 }
 

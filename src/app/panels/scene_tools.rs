@@ -12,7 +12,7 @@ use ostra_cloud::select::{Likeness, SelectStep};
 use ostra_masks::LabelId;
 use ostra_project::{ScaleEnd, ScaleRequest};
 use ostra_session::{CloudChange, CloudCorrection, Command};
-use ostra_view::Line;
+use ostra_view::LineVertex;
 
 /// Maximum distance in pixels between an image position and the point visible there.
 const NEAR_PX: f64 = 3.0;
@@ -273,9 +273,9 @@ impl Ruler {
 
     /// Returns the ruler's line, and a cross of `size` world units at each point.
     #[must_use]
-    pub fn lines(&self, size: f32) -> Vec<Line> {
+    pub fn lines(&self, size: f32) -> Vec<LineVertex> {
         let line = |a: Vec3, b: Vec3| {
-            [a, b].map(|end| Line {
+            [a, b].map(|end| LineVertex {
                 position: end.to_array(),
                 color: COLOR,
             })

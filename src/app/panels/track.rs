@@ -8,7 +8,7 @@ use crate::{Action, SessionView, ViewState};
 use ostra_frames::Frame;
 use ostra_masks::Direction;
 use ostra_project::{EngineName, MaskOrigin, TrackerId};
-use ostra_session::{Engine, EngineKind};
+use ostra_session::{EngineInfo, EngineKind};
 
 /// Draws the settings of tracking and its button.
 pub(crate) fn track_ui(
@@ -218,7 +218,7 @@ pub(crate) fn segmenter_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut Vi
 pub(super) fn engine_choice_ui<'a, I: EngineName>(
     ui: &mut Ui,
     salt: &str,
-    engines: impl Iterator<Item = &'a Engine>,
+    engines: impl Iterator<Item = &'a EngineInfo>,
     chosen: &mut I,
 ) {
     let text = if *chosen == I::AUTO {
@@ -241,7 +241,7 @@ pub(super) fn engine_choice_ui<'a, I: EngineName>(
         });
 }
 
-fn engine_row_ui<I: EngineName>(ui: &mut Ui, engine: &Engine, id: I, selected: bool) -> bool {
+fn engine_row_ui<I: EngineName>(ui: &mut Ui, engine: &EngineInfo, id: I, selected: bool) -> bool {
     let text = match (id.name(), engine.installed) {
         _ if id == I::AUTO => "Automatic".into(),
         (name, true) => name.to_owned(),

@@ -6,7 +6,7 @@ use super::views::{Views, check_size};
 use crate::SceneError;
 use ostra_core::statistics::quantile;
 use ostra_frames::{DepthMap, Frame};
-use ostra_geometry::{DepthTolerance, PosedCamera, Projection};
+use ostra_geometry::{DepthTolerance, PointProjection, PosedCamera};
 
 /// The projection of a point into an image.
 #[derive(Debug, Clone, Copy)]
@@ -37,7 +37,7 @@ pub(super) fn posed_view(frame: &Frame) -> Result<Option<PosedCamera>, SceneErro
 /// Projects a point in world space; returns `None` behind the camera or outside the image.
 #[inline]
 pub(super) fn project_inside(view: &PosedCamera, x_in_world: Vec3) -> Option<PixelProjection> {
-    let Projection { at_px, depth } = view.project(x_in_world.as_dvec3())?;
+    let PointProjection { at_px, depth } = view.project(x_in_world.as_dvec3())?;
     let inside = at_px.x >= 0.0
         && at_px.y >= 0.0
         && at_px.x < f64::from(view.camera.width)

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::SceneError;
 use ostra_frames::Frame;
-use ostra_geometry::{Camera, Pose, PosedCamera, Projection};
+use ostra_geometry::{Camera, PointProjection, Pose, PosedCamera};
 use ostra_masks::Region;
 
 /// A viewpoint from which a cloud is seen.
@@ -119,7 +119,7 @@ fn discs(
     is_drawn: impl Fn(usize) -> bool + Sync,
 ) -> Vec<Disc> {
     let disc = |(point, &position): (usize, &Vec3)| {
-        let Projection { at_px, depth } = sight.project(position.as_dvec3())?;
+        let PointProjection { at_px, depth } = sight.project(position.as_dvec3())?;
         let radius = (DISC * spacing / sight.footprint(depth)).clamp(SMALLEST_PX, LARGEST_PX);
         let (x, y) = (at_px.x - part.left as f64, at_px.y - part.top as f64);
         let touches = x > -radius

@@ -1,7 +1,7 @@
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
-use super::catalogue::{Catalogue, Entry, NetworkFile};
+use super::catalogue::{Catalogue, CatalogueEntry, NetworkFile};
 use super::digests::{digests, record, sha256};
 use super::error::NnError;
 use super::installed::text;
@@ -104,7 +104,7 @@ fn prove_library(path: &Path) -> Result<Verification, NnError> {
     Runtime::open(path).map(|_| Verification::Loads)
 }
 
-fn prove_networks(entry: &Entry, paths: &[PathBuf]) -> Result<Vec<Verification>, NnError> {
+fn prove_networks(entry: &CatalogueEntry, paths: &[PathBuf]) -> Result<Vec<Verification>, NnError> {
     paths.iter().try_for_each(|path| readable(path))?;
     let pairs = entry.files().iter().zip(paths);
     let prove = |(file, path): (&NetworkFile, &PathBuf)| match Runtime::find() {

@@ -11,13 +11,13 @@ use super::tensor::{Port, Signature};
 #[serde(deny_unknown_fields)]
 pub struct Catalogue {
     #[serde(rename = "entry")]
-    entries: Vec<Entry>,
+    entries: Vec<CatalogueEntry>,
 }
 
 /// One network, or ONNX Runtime itself.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Entry {
+pub struct CatalogueEntry {
     /// Name on the command line.
     pub name: String,
     /// Purpose, as shown to users.
@@ -75,7 +75,7 @@ impl Catalogue {
 
     /// Returns all entries.
     #[must_use]
-    pub fn entries(&self) -> &[Entry] {
+    pub fn entries(&self) -> &[CatalogueEntry] {
         &self.entries
     }
 
@@ -83,7 +83,7 @@ impl Catalogue {
     ///
     /// # Errors
     /// Fails if there is none; the message lists the known names.
-    pub fn entry(&self, name: &str) -> Result<&Entry, NnError> {
+    pub fn entry(&self, name: &str) -> Result<&CatalogueEntry, NnError> {
         self.entries
             .iter()
             .find(|entry| entry.name == name)
@@ -99,7 +99,7 @@ impl Catalogue {
     }
 }
 
-impl Entry {
+impl CatalogueEntry {
     /// Returns whether this is ONNX Runtime itself and not a network.
     #[must_use]
     pub fn is_library(&self) -> bool {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use zip::ZipArchive;
 
 use super::add::{Added, add};
-use super::catalogue::{Catalogue, Entry, NetworkFile};
+use super::catalogue::{Catalogue, CatalogueEntry, NetworkFile};
 use super::digests::sha256;
 use super::download::fetch;
 use super::error::NnError;
@@ -83,7 +83,7 @@ struct Wanted<'a> {
 ///
 /// Its digest must be known, because the content of an address may change.
 fn download(
-    entry: &Entry,
+    entry: &CatalogueEntry,
     file: &NetworkFile,
     url: &str,
     downloads: &Path,

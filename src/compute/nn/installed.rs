@@ -1,15 +1,15 @@
 use std::path::{Path, PathBuf};
 
-use super::catalogue::{Catalogue, Entry, NetworkFile};
+use super::catalogue::{Catalogue, CatalogueEntry, NetworkFile};
 use super::digests::compare;
 use super::error::NnError;
 use super::network::Network;
 use super::runtime::{Runtime, library_name};
 use super::tensor::Signature;
 
-/// One row of the list of networks.
+/// A network of the catalogue, with its files if it is installed.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Row {
+pub struct ModelStatus {
     /// Name on the command line.
     pub name: String,
     /// Purpose.
@@ -46,7 +46,7 @@ pub struct CheckedFile {
     pub is_compared: bool,
 }
 
-impl Entry {
+impl CatalogueEntry {
     /// Returns the entry's files in `folder`; `None` if one is missing.
     #[must_use]
     pub fn installed(&self, folder: &Path) -> Option<Installed> {
@@ -69,8 +69,8 @@ impl Entry {
 
 /// Lists every entry and whether it is installed in `folder`.
 #[must_use]
-pub fn list(catalogue: &Catalogue, folder: &Path) -> Vec<Row> {
-    let row = |entry: &Entry| Row {
+pub fn list(catalogue: &Catalogue, folder: &Path) -> Vec<ModelStatus> {
+    let status = |entry: &CatalogueEntry| ModelStatus {
         name: entry.name.clone(),
         purpose: entry.purpose.clone(),
         licence: entry.licence.clone(),
@@ -79,7 +79,7 @@ pub fn list(catalogue: &Catalogue, folder: &Path) -> Vec<Row> {
         has_address: entry.has_address(),
         installed: entry.installed(folder),
     };
-    catalogue.entries().iter().map(row).collect()
+    catalogue.entries().iter().map(status).collect()
 }
 
 /// Loads the network installed under `name` and reports its inputs and outputs.

@@ -18,10 +18,10 @@ mod tensor;
 mod tests;
 
 pub use add::{Added, Verification, add};
-pub use catalogue::{Catalogue, Entry, NetworkFile};
+pub use catalogue::{Catalogue, CatalogueEntry, NetworkFile};
 pub use error::NnError;
 pub use install::{Fetched, install};
-pub use installed::{CheckedFile, Installed, Row, check, list, load, load_text};
+pub use installed::{CheckedFile, Installed, ModelStatus, check, list, load, load_text};
 pub use network::Network;
 pub use runtime::{Provider, Runtime, models_folder, take_fall_backs};
 pub use tensor::{Element, Port, Signature, Tensor, TensorValues};

@@ -37,7 +37,7 @@ impl Runtime {
     /// # Errors
     /// [`NnError::RuntimeUnusable`], also if another library is already loaded.
     pub fn open(path: &Path) -> Result<Self, NnError> {
-        let runtime = Self::first_of(&[Place::Named(path.to_owned())])?;
+        let runtime = Self::first_of(&[RuntimeLocation::Named(path.to_owned())])?;
         if runtime.path == whole(path) {
             return Ok(runtime);
         }
@@ -70,7 +70,7 @@ impl Runtime {
         &self.environment
     }
 
-    fn first_of(places: &[Place]) -> Result<Self, NnError> {
+    fn first_of(places: &[RuntimeLocation]) -> Result<Self, NnError> {
         let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(runtime) = &*loaded {
             return Ok(runtime.clone());
@@ -88,10 +88,10 @@ impl Runtime {
 }
 
 /// Loads the library; `None` if the system's loader does not find it.
-fn load(place: &Place) -> Result<Option<Runtime>, NnError> {
+fn load(place: &RuntimeLocation) -> Result<Option<Runtime>, NnError> {
     let path = match place {
-        Place::System(path) => path.clone(),
-        Place::Named(path) | Place::File(path) => whole(path),
+        RuntimeLocation::System(path) => path.clone(),
+        RuntimeLocation::Named(path) | RuntimeLocation::File(path) => whole(path),
     };
     let unusable = |what: String| NnError::RuntimeUnusable {
         path: path.clone(),
@@ -103,7 +103,7 @@ fn load(place: &Place) -> Result<Option<Runtime>, NnError> {
     }
     let builder = match (ort::init_from(&path), place) {
         (Ok(builder), _) => builder,
-        (Err(LoadDynamicError::Dlopen { .. }), Place::System(_)) => return Ok(None),
+        (Err(LoadDynamicError::Dlopen { .. }), RuntimeLocation::System(_)) => return Ok(None),
         (Err(error), _) => return Err(unusable(what_is_wrong(&error))),
     };
     let environment = builder
@@ -157,7 +157,7 @@ pub fn library_name() -> String {
 
 /// A place where ONNX Runtime may be.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Place {
+pub enum RuntimeLocation {
     /// The file that the user named; no other is tried.
     Named(PathBuf),
     /// An existing file.
@@ -166,7 +166,7 @@ pub enum Place {
     System(PathBuf),
 }
 
-impl Place {
+impl RuntimeLocation {
     /// Returns the path to load.
     #[must_use]
     pub fn path(&self) -> &Path {
@@ -181,20 +181,20 @@ impl Place {
 /// These are the file in `ORT_DYLIB_PATH` alone, or else the file in `folder` and the names for the
 /// system's loader.
 #[must_use]
-pub fn places(named: Option<PathBuf>, folder: Option<&Path>) -> Vec<Place> {
+pub fn places(named: Option<PathBuf>, folder: Option<&Path>) -> Vec<RuntimeLocation> {
     if let Some(path) = named.filter(|path| !path.as_os_str().is_empty()) {
-        return vec![Place::Named(path)];
+        return vec![RuntimeLocation::Named(path)];
     }
     let name = library_name();
     let own = folder
         .map(|folder| folder.join(&name))
         .filter(|path| path.is_file())
-        .map(Place::File);
+        .map(RuntimeLocation::File);
     // Linux distributions ship the unversioned name only in the package with the headers.
     let versioned = cfg!(target_os = "linux").then(|| format!("{name}.1"));
     let system = std::iter::once(name)
         .chain(versioned)
-        .map(|name| Place::System(PathBuf::from(name)));
+        .map(|name| RuntimeLocation::System(PathBuf::from(name)));
     own.into_iter().chain(system).collect()
 }
 

@@ -19,4 +19,13 @@ impl ImageSize {
     pub const fn area(self) -> usize {
         self.width * self.height
     }
+
+    /// Returns the size with each side changed by a function.
+    #[must_use]
+    pub fn map(self, change: impl Fn(usize) -> usize) -> Self {
+        Self {
+            width: change(self.width),
+            height: change(self.height),
+        }
+    }
 }

@@ -3,12 +3,12 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 /// A slot that passes one value between threads; a newer value replaces one that was not taken.
 #[derive(Debug)]
 pub struct Latest<T> {
-    slot: Mutex<Slot<T>>,
+    slot: Mutex<LatestSlot<T>>,
     changed: Condvar,
 }
 
 #[derive(Debug)]
-struct Slot<T> {
+struct LatestSlot<T> {
     value: Option<T>,
     closed: bool,
 }
@@ -16,7 +16,7 @@ struct Slot<T> {
 impl<T> Default for Latest<T> {
     fn default() -> Self {
         Self {
-            slot: Mutex::new(Slot {
+            slot: Mutex::new(LatestSlot {
                 value: None,
                 closed: false,
             }),
@@ -61,7 +61,7 @@ impl<T> Latest<T> {
         self.changed.notify_all();
     }
 
-    fn lock(&self) -> MutexGuard<'_, Slot<T>> {
+    fn lock(&self) -> MutexGuard<'_, LatestSlot<T>> {
         self.slot.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -11,11 +11,11 @@ pub struct Loader<K, V> {
 }
 
 struct Requests<K> {
-    state: Mutex<State<K>>,
+    state: Mutex<LoaderState<K>>,
     changed: Condvar,
 }
 
-struct State<K> {
+struct LoaderState<K> {
     wanted: Vec<K>,
     running: Vec<K>,
     closed: bool,
@@ -32,7 +32,7 @@ impl<K: Clone + PartialEq + Send + 'static, V: Send + 'static> Loader<K, V> {
         load: impl Fn(&K) -> V + Send + Sync + 'static,
         notify: impl Fn() + Send + Sync + 'static,
     ) -> Self {
-        let state = State {
+        let state = LoaderState {
             wanted: Vec::new(),
             running: Vec::new(),
             closed: false,
@@ -92,7 +92,7 @@ impl<K, V> Drop for Loader<K, V> {
 }
 
 impl<K> Requests<K> {
-    fn lock(&self) -> std::sync::MutexGuard<'_, State<K>> {
+    fn lock(&self) -> std::sync::MutexGuard<'_, LoaderState<K>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -16,11 +16,11 @@ type Task = Box<dyn FnOnce() + Send>;
 /// Dropping the pool discards waiting work and joins its threads once they have finished their
 /// current work.
 pub struct Pool {
-    shared: Arc<Shared>,
+    shared: Arc<SharedQueue>,
     threads: Vec<JoinHandle<()>>,
 }
 
-struct Shared {
+struct SharedQueue {
     queue: Mutex<Queue>,
     changed: Condvar,
     capacity: usize,
@@ -37,7 +37,7 @@ impl Pool {
     #[must_use]
     pub fn new(name: &str, threads: usize, capacity: usize) -> Self {
         let queue = Mutex::new(Queue::default());
-        let shared = Arc::new(Shared {
+        let shared = Arc::new(SharedQueue {
             queue,
             changed: Condvar::new(),
             capacity: capacity.max(1),
@@ -104,7 +104,7 @@ impl Drop for Pool {
     }
 }
 
-impl Shared {
+impl SharedQueue {
     fn work(&self) {
         while let Some(task) = self.next() {
             task();

@@ -20,13 +20,13 @@ pub struct ProgressReport {
 /// A handle shared by a job and its observers, for reporting progress and requesting a stop.
 #[derive(Debug, Clone, Default)]
 pub struct Progress {
-    shared: Arc<Shared>,
+    shared: Arc<ProgressState>,
     /// State of the jobs that this one is a part of.
-    wholes: Vec<Arc<Shared>>,
+    wholes: Vec<Arc<ProgressState>>,
 }
 
 #[derive(Debug, Default)]
-struct Shared {
+struct ProgressState {
     stop: AtomicBool,
     report: Mutex<ProgressReport>,
 }
@@ -85,7 +85,7 @@ impl Progress {
     /// [`Stopped`] if a stop was requested.
     #[inline]
     pub fn check(&self) -> Result<(), Stopped> {
-        let is_stopped = |shared: &Arc<Shared>| shared.stop.load(Ordering::Relaxed);
+        let is_stopped = |shared: &Arc<ProgressState>| shared.stop.load(Ordering::Relaxed);
         if is_stopped(&self.shared) || self.wholes.iter().any(is_stopped) {
             Err(Stopped)
         } else {

@@ -4,7 +4,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::colmap_model::intrinsics;
-use super::lines::{Line, TextFile, pose_from_quaternion};
+use super::lines::{TextFile, TextLine, pose_from_quaternion};
 use super::{CameraKey, GivenCamera, GivenIntrinsics};
 use crate::FrameError;
 
@@ -21,7 +21,7 @@ fn read_cameras(
     file.content().map(|line| read_camera(line)).collect()
 }
 
-fn read_camera(line: Line<'_>) -> Result<(u32, Result<GivenIntrinsics, String>), FrameError> {
+fn read_camera(line: TextLine<'_>) -> Result<(u32, Result<GivenIntrinsics, String>), FrameError> {
     let mut words = line.words();
     let id = line.parse(words.next())?;
     let model: String = line.parse(words.next())?;
@@ -56,7 +56,7 @@ fn read_images(
 }
 
 fn read_image(
-    line: Line<'_>,
+    line: TextLine<'_>,
     cameras: &BTreeMap<u32, Result<GivenIntrinsics, String>>,
 ) -> Result<GivenCamera, FrameError> {
     let mut words = line.words();
@@ -94,7 +94,7 @@ fn name_after(text: &str, count: usize) -> Option<&str> {
 /// Checks that a line lists 2-D points.
 ///
 /// In a file without these lines, every second image would otherwise be lost silently.
-fn check_points(line: Line<'_>) -> Result<(), FrameError> {
+fn check_points(line: TextLine<'_>) -> Result<(), FrameError> {
     let numbers = line.words().count().is_multiple_of(3);
     let begin = line.words().take(3).all(|word| word.parse::<f64>().is_ok());
     if line.text.starts_with('#') || !numbers || !begin {

@@ -16,7 +16,7 @@ pub struct TextFile {
 
 /// One line of a [`TextFile`], counted from 1.
 #[derive(Debug, Clone, Copy)]
-pub struct Line<'a> {
+pub struct TextLine<'a> {
     pub number: usize,
     pub text: &'a str,
     path: &'a Path,
@@ -49,17 +49,20 @@ impl TextFile {
     }
 
     /// Returns all lines, trimmed.
-    pub fn lines(&self) -> impl Iterator<Item = Line<'_>> {
+    pub fn lines(&self) -> impl Iterator<Item = TextLine<'_>> {
         let path = self.path.as_path();
-        self.text.lines().enumerate().map(move |(i, text)| Line {
-            number: i + 1,
-            text: text.trim(),
-            path,
-        })
+        self.text
+            .lines()
+            .enumerate()
+            .map(move |(i, text)| TextLine {
+                number: i + 1,
+                text: text.trim(),
+                path,
+            })
     }
 
     /// Returns the lines that are neither empty nor a comment (`#`).
-    pub fn content(&self) -> impl Iterator<Item = Line<'_>> {
+    pub fn content(&self) -> impl Iterator<Item = TextLine<'_>> {
         self.lines().filter(|line| !line.is_blank())
     }
 
@@ -79,7 +82,7 @@ impl TextFile {
     }
 }
 
-impl<'a> Line<'a> {
+impl<'a> TextLine<'a> {
     pub fn is_blank(&self) -> bool {
         self.text.is_empty() || self.text.starts_with('#')
     }

@@ -1,6 +1,6 @@
 use glam::{DMat3, DVec2, DVec3};
 
-use super::lines::{Line, TextFile};
+use super::lines::{TextFile, TextLine};
 use super::{CameraKey, GivenCamera, GivenIntrinsics};
 use crate::FrameError;
 use ostra_geometry::Pose;
@@ -28,7 +28,7 @@ pub fn read(file: &TextFile) -> Result<Vec<GivenCamera>, FrameError> {
     Ok(cameras)
 }
 
-fn read_line(line: Line<'_>) -> Result<GivenCamera, FrameError> {
+fn read_line(line: TextLine<'_>) -> Result<GivenCamera, FrameError> {
     let mut words = line.words();
     let name = words.next().unwrap_or_default();
     let numbers: Vec<f64> = words

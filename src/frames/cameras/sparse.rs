@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 use super::colmap_binary::Cursor;
 use super::detect::colmap_folder;
 use super::given::{stored_size, turn_of};
-use super::lines::{Line, TextFile, invalid};
+use super::lines::{TextFile, TextLine, invalid};
 use crate::{Frame, FrameError};
 
 /// A point of a sparse model.
@@ -104,7 +104,7 @@ pub fn read_sparse_points(path: &Path) -> Result<Vec<SparsePoint>, FrameError> {
     }
 }
 
-fn read_line(line: Line<'_>) -> Result<SparsePoint, FrameError> {
+fn read_line(line: TextLine<'_>) -> Result<SparsePoint, FrameError> {
     let mut words = line.words();
     let _id: u64 = line.parse(words.next())?;
     let position = DVec3::new(
@@ -178,7 +178,7 @@ pub fn read_sparse_model(folder: &Path, frames: &[Frame]) -> Result<SparsePoints
 
 fn read_keypoints(
     frame: &Frame,
-    line: Line<'_>,
+    line: TextLine<'_>,
     points: usize,
 ) -> Result<Vec<SparseKeypoint>, FrameError> {
     let turn = turn_of(frame).map_err(|error| line.error(&error.to_string()))?;

@@ -6,7 +6,7 @@ use std::path::{Component, Path, PathBuf};
 use super::headers::{Sensor, read_frames};
 use super::listing::Item;
 use super::request::{OpenRequest, Opened};
-use super::source::{Kind, Listing, Source, stem};
+use super::source::{FrameSource, Listing, SourceKind, stem};
 use crate::cameras::DepthCameraSource;
 use crate::{Frame, FrameError};
 use ostra_core::job::Progress;
@@ -63,7 +63,7 @@ pub fn open_more(
         .iter()
         .map(|source| listing.list(source))
         .collect::<Result<Vec<_>, _>>()?;
-    let places = Places::of(&sources);
+    let places = NamePrefixes::of(&sources);
     let items = new_items(existing, thinned(sources, request)?, &mut listing.warnings)?;
     let items = places.name(items, existing)?;
     sensor.check(&items)?;
@@ -98,7 +98,10 @@ fn check(request: &OpenRequest) -> Result<(), FrameError> {
 }
 
 /// Returns the items that `every`, `from` and `to` select, each with the number of its source.
-fn thinned(sources: Vec<Source>, request: &OpenRequest) -> Result<Vec<(usize, Item)>, FrameError> {
+fn thinned(
+    sources: Vec<FrameSource>,
+    request: &OpenRequest,
+) -> Result<Vec<(usize, Item)>, FrameError> {
     let count: usize = sources.iter().map(|source| source.items.len()).sum();
     let (from, to) = (request.from.unwrap_or(0), request.to.unwrap_or(usize::MAX));
     let all = sources
@@ -151,18 +154,18 @@ fn new_items(
 }
 
 /// Path parts that prefix the names of each source's frames.
-struct Places {
+struct NamePrefixes {
     stems: Vec<PathBuf>,
     whole: Vec<PathBuf>,
     at_least: usize,
 }
 
-impl Places {
-    fn of(sources: &[Source]) -> Self {
+impl NamePrefixes {
+    fn of(sources: &[FrameSource]) -> Self {
         let alone = matches!(
             sources,
-            [Source {
-                kind: Kind::Folder,
+            [FrameSource {
+                kind: SourceKind::Folder,
                 ..
             }]
         );

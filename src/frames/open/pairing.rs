@@ -15,13 +15,13 @@ const ROLE_WORDS: [&str; 5] = ["color", "colour", "rgb", "image", "depth"];
 
 /// Pairs of images and depth: for each image the index of its depth.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) struct Pairs {
+pub(super) struct DepthPairs {
     /// Index of the depth of each image.
     pub depth_of: Vec<Option<usize>>,
     used: Vec<bool>,
 }
 
-impl Pairs {
+impl DepthPairs {
     /// Returns no pairs among `pictures` images and `depths` depth files.
     pub fn none(images: usize, depths: usize) -> Self {
         Self {
@@ -62,7 +62,7 @@ impl Pairs {
 /// Adds pairs by name: without extension, then without role words, then by the number.
 ///
 /// Role words distinguish colour from depth.
-fn pair_by_name(pairs: &mut Pairs, images: &[&str], depths: &[&str]) {
+fn pair_by_name(pairs: &mut DepthPairs, images: &[&str], depths: &[&str]) {
     pairs.join_by_key(images, depths, |name| Some(without_ending(name).into()));
     pairs.join_by_key(images, depths, |name| {
         Some(without_role(without_ending(name)))
@@ -70,7 +70,7 @@ fn pair_by_name(pairs: &mut Pairs, images: &[&str], depths: &[&str]) {
     let position = [Position::Last, Position::First]
         .into_iter()
         .max_by_key(|position| {
-            let mut trial = Pairs::none(images.len(), depths.len());
+            let mut trial = DepthPairs::none(images.len(), depths.len());
             trial.join_by_key(images, depths, |name| number_in_file_name(name, *position));
             (trial.count(), *position == Position::Last)
         });
@@ -159,8 +159,8 @@ pub(super) fn pair(
     depths: &[Listed],
     places: &[&Path],
     warnings: &mut Vec<String>,
-) -> Result<Pairs, FrameError> {
-    let mut pairs = Pairs::none(images.len(), depths.len());
+) -> Result<DepthPairs, FrameError> {
+    let mut pairs = DepthPairs::none(images.len(), depths.len());
     if let (&[_], &[_]) = (images, depths) {
         pairs.join(0, 0);
         return Ok(pairs);
@@ -187,7 +187,7 @@ pub(super) fn pair(
 }
 
 /// Returns the items with their paired depth.
-pub(super) fn with_depth(items: Vec<Item>, depths: &[Listed], pairs: &Pairs) -> Vec<Item> {
+pub(super) fn with_depth(items: Vec<Item>, depths: &[Listed], pairs: &DepthPairs) -> Vec<Item> {
     let one = |(item, depth): (Item, &Option<usize>)| Item {
         depth: depth.map(|at| depths[at].path.clone()),
         ..item
@@ -213,7 +213,7 @@ fn names(listed: &[Listed]) -> Vec<&str> {
 ///
 /// Its lines are `time path time path`, colour or depth first.
 fn pair_by_associations(
-    pairs: &mut Pairs,
+    pairs: &mut DepthPairs,
     folders: &[&Path],
     images: &[Listed],
     depths: &[Listed],
@@ -245,7 +245,7 @@ fn pair_by_associations(
 /// Adds pairs of nearest times, at most 0.02 s apart.
 ///
 /// Returns whether all names are times in seconds; otherwise nothing is paired.
-fn pair_by_time(pairs: &mut Pairs, images: &[&str], depths: &[&str]) -> bool {
+fn pair_by_time(pairs: &mut DepthPairs, images: &[&str], depths: &[&str]) -> bool {
     let (Some(images), Some(depths)) = (times_of(images), times_of(depths)) else {
         return false;
     };
@@ -312,7 +312,7 @@ mod tests {
     use super::*;
 
     fn pair(images: &[&str], depths: &[&str]) -> Vec<Option<usize>> {
-        let mut pairs = Pairs::none(images.len(), depths.len());
+        let mut pairs = DepthPairs::none(images.len(), depths.len());
         pair_by_name(&mut pairs, images, depths);
         pairs.depth_of
     }
@@ -387,7 +387,7 @@ mod tests {
     fn nearest_times_are_paired_one_to_one() {
         let images = ["10.000.png", "10.033.png", "11.0.png"];
         let depths = ["10.030.png", "10.012.png", "11.021.png"];
-        let mut pairs = Pairs::none(3, 3);
+        let mut pairs = DepthPairs::none(3, 3);
         assert!(pair_by_time(&mut pairs, &images, &depths));
         assert_eq!(
             pairs.depth_of,
@@ -398,7 +398,7 @@ mod tests {
 
     #[test]
     fn names_that_are_not_times_are_not_paired() {
-        let mut pairs = Pairs::none(2, 1);
+        let mut pairs = DepthPairs::none(2, 1);
         assert!(!pair_by_time(
             &mut pairs,
             &["10.0.png", "frame.png"],
@@ -416,7 +416,7 @@ mod tests {
             listed(&["rgb/a.png", "rgb/c.png"]),
             listed(&["depth/b.png", "depth/d.png"]),
         );
-        let mut pairs = Pairs::none(2, 2);
+        let mut pairs = DepthPairs::none(2, 2);
         assert!(
             pair_by_associations(&mut pairs, &[folder.path()], &images, &depths)
                 .unwrap()

@@ -18,18 +18,18 @@ use ostra_core::job::Progress;
 
 /// The images of one source, in order.
 #[derive(Debug)]
-pub(super) struct Source {
+pub(super) struct FrameSource {
     /// Path whose last parts prefix names when there are several sources.
     pub place: PathBuf,
     /// Kind of the source.
-    pub kind: Kind,
+    pub kind: SourceKind,
     /// Images, at least one.
     pub items: Vec<Item>,
 }
 
 /// Kind of a path given as frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum SourceKind {
     Folder,
     Image,
     Video,
@@ -44,20 +44,20 @@ pub(super) struct Listing<'a> {
 
 impl Listing<'_> {
     /// Lists one source and pairs its depth.
-    pub fn list(&mut self, given: &FrameFolder) -> Result<Source, FrameError> {
+    pub fn list(&mut self, given: &FrameFolder) -> Result<FrameSource, FrameError> {
         let place = located(&given.frames)?;
         let kind = kind_of(&place)?;
         let depth = given.depth.as_deref().map(located).transpose()?;
         let items = match (kind, depth) {
-            (Kind::Video, depth) => self.video(&place, depth.as_deref())?,
-            (Kind::Image, None) => vec![without_depth(one_file(&place))],
-            (Kind::Folder, None) => {
+            (SourceKind::Video, depth) => self.video(&place, depth.as_deref())?,
+            (SourceKind::Image, None) => vec![without_depth(one_file(&place))],
+            (SourceKind::Folder, None) => {
                 let listed = self.images_in(&place)?;
                 recognise(&place, listed, self)?
             }
             (_, Some(depth)) => self.with_given_depth(&place, &depth)?,
         };
-        Ok(Source { place, kind, items })
+        Ok(FrameSource { place, kind, items })
     }
 
     fn with_given_depth(&mut self, place: &Path, depth: &Path) -> Result<Vec<Item>, FrameError> {
@@ -157,25 +157,25 @@ fn video_items(video: &Path, probed: &Probed) -> Vec<Item> {
 }
 
 /// Returns the prefix of names of a source's frames: for a video its name without extension.
-pub(super) fn stem(source: &Source) -> PathBuf {
+pub(super) fn stem(source: &FrameSource) -> PathBuf {
     match (source.kind, source.place.to_str()) {
-        (Kind::Video, Some(place)) => without_ending(place).into(),
+        (SourceKind::Video, Some(place)) => without_ending(place).into(),
         _ => source.place.clone(),
     }
 }
 
-fn kind_of(place: &Path) -> Result<Kind, FrameError> {
+fn kind_of(place: &Path) -> Result<SourceKind, FrameError> {
     if place.is_dir() {
-        return Ok(Kind::Folder);
+        return Ok(SourceKind::Folder);
     }
     if has_image_ending(place) {
-        return Ok(Kind::Image);
+        return Ok(SourceKind::Image);
     }
     // The content decides if it is clear. Raw files of cameras begin like TIFF.
     match (kind_of_file(place)?, unsupported_image(place)) {
-        (FileKind::Image, _) | (FileKind::Tiff, None) => Ok(Kind::Image),
+        (FileKind::Image, _) | (FileKind::Tiff, None) => Ok(SourceKind::Image),
         (_, Some(error)) | (FileKind::Heif(error), None) => Err(error),
-        (FileKind::Other, None) => Ok(Kind::Video),
+        (FileKind::Other, None) => Ok(SourceKind::Video),
     }
 }
 

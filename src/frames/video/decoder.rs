@@ -13,7 +13,7 @@ use ostra_core::programs::ChildProcess;
 
 /// How to decode a video.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Start {
+pub(super) struct DecoderOptions {
     /// Time to seek to, in seconds from the start of the file; `None` decodes from the beginning.
     pub seek_s: Option<f64>,
     /// Number of frames to decode ahead of requests; at least 1.
@@ -49,8 +49,12 @@ impl Decoder {
     ///
     /// After a seek, the first frame may be any frame near the time, usually a key frame: compare
     /// its info.
-    pub fn start(programs: &Programs, path: &Path, start: Start) -> Result<Self, FrameError> {
-        let mut command = decoding(programs, path, start)?;
+    pub fn start(
+        programs: &Programs,
+        path: &Path,
+        options: DecoderOptions,
+    ) -> Result<Self, FrameError> {
+        let mut command = decoding(programs, path, options)?;
         command.args([
             "-pix_fmt",
             "rgb24",
@@ -62,7 +66,7 @@ impl Decoder {
         ]);
         let child = ChildProcess::spawn(&mut command)
             .map_err(|error| not_started(path, &programs.ffmpeg, &error))?;
-        let (sender, images) = sync_channel(start.ahead.max(1));
+        let (sender, images) = sync_channel(options.ahead.max(1));
         let (info_sender, infos) = channel();
         let (stdout, stderr) = (child.take_stdout(), child.take_stderr());
         let log = Builder::new().name("video log".into());
@@ -122,7 +126,7 @@ impl Drop for Decoder {
 pub(super) fn decoding(
     programs: &Programs,
     path: &Path,
-    start: Start,
+    options: DecoderOptions,
 ) -> Result<std::process::Command, FrameError> {
     let input = input(path)?;
     let mut command = command(
@@ -135,16 +139,16 @@ pub(super) fn decoding(
             "level+repeat+info",
         ],
     );
-    if start.single_thread {
+    if options.single_thread {
         command.args(["-threads", "1"]);
     }
     command.arg("-copyts");
-    if let Some(seek_s) = start.seek_s {
+    if let Some(seek_s) = options.seek_s {
         // ffmpeg does not drop frames before the requested time: the first one shows where decoding
         // began.
         command.args(["-noaccurate_seek", "-ss", &format!("{seek_s:.6}")]);
     }
-    let info = if start.checksums {
+    let info = if options.checksums {
         "showinfo"
     } else {
         "showinfo=checksum=0"

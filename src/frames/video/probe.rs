@@ -3,7 +3,7 @@ use std::path::Path;
 use std::process::{ChildStderr, Stdio};
 use std::sync::mpsc::channel;
 
-use super::decoder::{Decoder, Start, decoding, read_log};
+use super::decoder::{Decoder, DecoderOptions, decoding, read_log};
 use super::programs::{Programs, command, explained, input, not_started};
 use crate::FrameError;
 use ostra_core::job::Progress;
@@ -61,13 +61,13 @@ fn probe_with(programs: &Programs, path: &Path, progress: &Progress) -> Result<P
             damage.as_deref().unwrap_or("it has no frames"),
         ));
     }
-    let start = Start {
+    let options = DecoderOptions {
         seek_s: None,
         ahead: 1,
         checksums: false,
         single_thread: false,
     };
-    let first = Decoder::start(programs, path, start)?
+    let first = Decoder::start(programs, path, options)?
         .next()
         .map_err(|why| no_video(path, &why))?
         .image;
@@ -216,13 +216,13 @@ fn scan(
     single_thread: bool,
     progress: &Progress,
 ) -> Result<(Vec<f64>, Option<String>), FrameError> {
-    let start = Start {
+    let options = DecoderOptions {
         seek_s: None,
         ahead: 1,
         checksums: false,
         single_thread,
     };
-    let mut command = decoding(programs, path, start)?;
+    let mut command = decoding(programs, path, options)?;
     command.args(["-f", "null", "-"]).stdout(Stdio::null());
     let child = ChildProcess::spawn(&mut command)
         .map_err(|error| not_started(path, &programs.ffmpeg, &error))?;

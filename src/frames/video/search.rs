@@ -1,7 +1,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::decoder::{Decoded, Decoder, Start};
+use super::decoder::{Decoded, Decoder, DecoderOptions};
 use super::probe::{SAME_TIME_S, Stream};
 use super::programs::Programs;
 use crate::{FrameError, Image};
@@ -84,9 +84,9 @@ impl Knowledge {
     }
 
     /// Returns how to start decoding to reach `target`, best first.
-    fn starts(&self, target: Target, ahead: usize) -> Vec<Start> {
+    fn starts(&self, target: Target, ahead: usize) -> Vec<DecoderOptions> {
         let (checksums, single_thread) = (!self.has_reliable_seeks(), self.damage.is_some());
-        let start = |seek_s| Start {
+        let start = |seek_s| DecoderOptions {
             seek_s,
             ahead,
             checksums,
@@ -273,22 +273,22 @@ fn start_and_read(
 ) -> Result<Result<(Image, Running), Missed>, FrameError> {
     let FrameRequest { target, ahead } = request;
     let mut missed = Missed::Passed;
-    for start in known.starts(target, ahead) {
-        let is_from_start = start.seek_s.is_none();
+    for options in known.starts(target, ahead) {
+        let is_from_start = options.seek_s.is_none();
         if is_from_start && target.index > NEAR_START {
             known.is_unseekable = true; // no seek found it
         }
-        let start = Start {
+        let options = DecoderOptions {
             checksums: !known.has_reliable_seeks(),
-            ..start
+            ..options
         };
-        let decoder = Decoder::start(programs, path, start)?;
+        let decoder = Decoder::start(programs, path, options)?;
         let next = is_from_start.then_some(0);
         let mut running = Running {
             decoder,
             next,
             is_from_start,
-            is_single_thread: start.single_thread,
+            is_single_thread: options.single_thread,
         };
         match running.advance(target, known) {
             Ok(image) => return Ok(Ok((image, running))),

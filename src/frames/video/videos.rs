@@ -29,21 +29,21 @@ static MAX_DECODERS: LazyLock<usize> = LazyLock::new(|| {
 #[derive(Debug, Default)]
 pub(crate) struct Videos {
     programs: Programs,
-    state: Mutex<State>,
+    state: Mutex<VideosState>,
     changed: Condvar,
     /// Knowledge about each video that was read.
     known: Mutex<BTreeMap<PathBuf, Arc<Mutex<Knowledge>>>>,
 }
 
 #[derive(Debug, Default)]
-struct State {
-    slots: Vec<Slot>,
+struct VideosState {
+    slots: Vec<DecoderSlot>,
     clock: u64,
 }
 
 /// A decoder, or its reserved slot while a thread reads from it.
 #[derive(Debug)]
-struct Slot {
+struct DecoderSlot {
     id: u64,
     video: PathBuf,
     /// Index of the next image after the current read.
@@ -173,17 +173,17 @@ impl Videos {
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, VideosState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl State {
+impl VideosState {
     /// Returns the slot whose decoder reaches the frame soonest.
     ///
     /// Waiting for a decoder that another thread uses is only worthwhile if it is near.
     fn slot_for(&self, video: &Path, index: u64, max_skip: u64) -> Option<usize> {
-        let fits = |slot: &Slot| {
+        let fits = |slot: &DecoderSlot| {
             let skip = if slot.decoder.is_some() {
                 max_skip
             } else {
@@ -198,7 +198,7 @@ impl State {
     }
 
     /// Returns a slot for a new decoder and the one it replaces; `None` if all are in use.
-    fn new_slot(&mut self, video: &Path, index: u64) -> Option<(u64, Option<Slot>)> {
+    fn new_slot(&mut self, video: &Path, index: u64) -> Option<(u64, Option<DecoderSlot>)> {
         let mut ended = None;
         if self.slots.len() >= *MAX_DECODERS {
             let idle = self
@@ -211,7 +211,7 @@ impl State {
         }
         self.clock += 1;
         let id = self.clock;
-        self.slots.push(Slot {
+        self.slots.push(DecoderSlot {
             id,
             video: video.into(),
             next: index + 1,

@@ -186,7 +186,7 @@ pub fn estimate_absolute_pose_and_focal(
     points: &[DVec3],
     options: &AbsolutePoseOptions,
 ) -> Option<(f64, AbsolutePose)> {
-    let mut best: Option<Found> = None;
+    let mut best: Option<FocalCandidate> = None;
     for &factor in factors
         .iter()
         .filter(|factor| factor.is_finite() && **factor > 0.0)
@@ -201,7 +201,7 @@ pub fn estimate_absolute_pose_and_focal(
                 .as_ref()
                 .is_none_or(|b| inliers.len() > b.inliers.len())
         {
-            best = Some(Found {
+            best = Some(FocalCandidate {
                 camera,
                 seen,
                 pose,
@@ -231,14 +231,14 @@ pub fn estimate_absolute_pose_and_focal(
 }
 
 /// A camera's pose for one focal length.
-struct Found {
+struct FocalCandidate {
     camera: Camera,
     seen: Vec<PointObservation>,
     pose: crate::Pose,
     inliers: Vec<u32>,
 }
 
-impl Found {
+impl FocalCandidate {
     /// Refines focal length and pose over the inliers; returns `None` if that loses inliers.
     fn with_focal_refined(
         &self,

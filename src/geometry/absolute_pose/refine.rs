@@ -54,7 +54,7 @@ pub(super) struct Reprojection<'a> {
 const UNSEEN: f64 = 1e6;
 
 /// Contribution of one point to the linearised problem.
-struct Row {
+struct LinearisedPoint {
     miss: DVec2,
     /// Derivative of the pixel position by a translation of the point in camera space.
     shift: [DVec3; 2],
@@ -67,7 +67,7 @@ struct Row {
 
 impl Reprojection<'_> {
     /// Calls `add` for every point that the camera sees; returns the total cost.
-    fn each(&self, mut add: impl FnMut(&Row)) -> f64 {
+    fn each(&self, mut add: impl FnMut(&LinearisedPoint)) -> f64 {
         const SCALE: f64 = RESIDUAL_SCALE_PX * RESIDUAL_SCALE_PX;
         let mut cost = 0.0;
         for one in self.seen {
@@ -90,7 +90,7 @@ impl Reprojection<'_> {
                 plane[0] * u.y + plane[1] * v.y,
             ];
             let from_centre = at - self.camera.principal_px;
-            add(&Row {
+            add(&LinearisedPoint {
                 miss,
                 shift,
                 turned,

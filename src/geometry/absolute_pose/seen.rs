@@ -45,7 +45,7 @@ pub(super) fn seen(camera: &Camera, at_px: &[DVec2], points: &[DVec3]) -> Vec<Po
 
 /// Eight points for SIMD; unused lanes hold NaN, which no pose explains.
 #[derive(Debug, Clone, Copy)]
-struct Block {
+struct PointLanes {
     point: [[f64; LANES]; 3],
     ray: [[f64; LANES]; 2],
     slope: [[f64; LANES]; 4],
@@ -53,7 +53,7 @@ struct Block {
 
 /// Points in the layout of the SIMD kernel.
 pub(super) struct Blocks {
-    blocks: Vec<Block>,
+    blocks: Vec<PointLanes>,
     count: usize,
     limit: f64,
     arch: Arch,
@@ -63,7 +63,7 @@ impl Blocks {
     pub fn new(seen: &[PointObservation], max_error_px: f64) -> Self {
         let nan = [f64::NAN; LANES];
         let mut blocks = vec![
-            Block {
+            PointLanes {
                 point: [nan; 3],
                 ray: [nan; 2],
                 slope: [nan; 4]
@@ -110,7 +110,7 @@ impl Blocks {
 ///
 /// The lens is linearised around the position of each point.
 #[inline(always)]
-fn errors(r: &DMat3, t: DVec3, b: &Block) -> [f64; LANES] {
+fn errors(r: &DMat3, t: DVec3, b: &PointLanes) -> [f64; LANES] {
     let mut errors = [0.0; LANES];
     for (lane, error) in errors.iter_mut().enumerate() {
         let [x, y, z] = [b.point[0][lane], b.point[1][lane], b.point[2][lane]];

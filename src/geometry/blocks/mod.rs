@@ -3,7 +3,7 @@
 mod skyline;
 mod solve;
 
-pub use skyline::{BLOCK, Block, Column, Row, Skyline, dot, subtract_products};
+pub use skyline::{BLOCK, Block6, Column6, Skyline, SkylineRow, dot, subtract_products};
 #[cfg(test)]
 pub use solve::conjugate_gradients;
 pub use solve::solve;

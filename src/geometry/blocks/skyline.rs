@@ -11,14 +11,14 @@ use pulp::{Arch, Simd, WithSimd};
 pub const BLOCK: usize = 6;
 
 /// One column of a block.
-pub type Column = [f64; BLOCK];
+pub type Column6 = [f64; BLOCK];
 
 /// A block, stored as its six columns.
-pub type Block = [Column; BLOCK];
+pub type Block6 = [Column6; BLOCK];
 
 /// Computes `target −= Σ_k a[k] · b[k]ᵀ`.
 #[inline(always)]
-pub fn subtract_products(target: &mut Block, a: &[Column], b: &[Column]) {
+pub fn subtract_products(target: &mut Block6, a: &[Column6], b: &[Column6]) {
     let mut sum = *target;
     for (a, b) in a.iter().zip(b) {
         for (column, factor) in sum.iter_mut().zip(b) {
@@ -32,7 +32,7 @@ pub fn subtract_products(target: &mut Block, a: &[Column], b: &[Column]) {
 
 /// Returns the inner product of two columns.
 #[inline(always)]
-pub fn dot(a: &Column, b: &Column) -> f64 {
+pub fn dot(a: &Column6, b: &Column6) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
@@ -43,16 +43,16 @@ pub fn dot(a: &Column, b: &Column) -> f64 {
 /// linear simultaneous equations*, The Computer Journal 1966).
 #[derive(Debug, Clone, Default)]
 pub struct Skyline {
-    pub rows: Vec<Row>,
+    pub rows: Vec<SkylineRow>,
 }
 
 /// One row of blocks.
 #[derive(Debug, Clone)]
-pub struct Row {
+pub struct SkylineRow {
     /// Column of the first stored block.
     pub first: usize,
     /// Blocks from the first to the diagonal one.
-    pub blocks: Vec<Block>,
+    pub blocks: Vec<Block6>,
 }
 
 /// Ratio to its original entry below which a pivot counts as zero.
@@ -72,7 +72,7 @@ impl WithSimd for Factor<'_> {
 impl Skyline {
     /// Returns a zero matrix; `first` holds the column of the first block of each row.
     pub fn new(first: &[usize]) -> Self {
-        let row = |(i, &first): (usize, &usize)| Row {
+        let row = |(i, &first): (usize, &usize)| SkylineRow {
             first,
             blocks: vec![[[0.0; BLOCK]; BLOCK]; i + 1 - first],
         };
@@ -83,7 +83,7 @@ impl Skyline {
 
     /// Returns the number of multiplications that [`Self::factor`] takes.
     pub fn work(&self) -> f64 {
-        let of = |row: &Row| (row.blocks.len() * row.blocks.len()) as f64;
+        let of = |row: &SkylineRow| (row.blocks.len() * row.blocks.len()) as f64;
         0.5 * (BLOCK * BLOCK * BLOCK) as f64 * self.rows.iter().map(of).sum::<f64>()
     }
 
@@ -95,7 +95,7 @@ impl Skyline {
     #[inline(always)]
     fn factor_row(&mut self, i: usize) -> bool {
         let (done, rest) = self.rows.split_at_mut(i);
-        let Row { first, blocks } = &mut rest[0];
+        let SkylineRow { first, blocks } = &mut rest[0];
         for (j, row) in done.iter().enumerate().skip(*first) {
             let from = row.first.max(*first);
             let (left, right) = blocks.split_at_mut(j - *first);
@@ -119,7 +119,7 @@ impl Skyline {
     }
 
     /// Solves for a right-hand side in place, given the factor.
-    pub fn solve(&self, x: &mut [Column]) {
+    pub fn solve(&self, x: &mut [Column6]) {
         for (i, row) in self.rows.iter().enumerate() {
             let (before, rest) = x.split_at_mut(i);
             for (block, known) in row.blocks.iter().zip(&before[row.first..]) {
@@ -141,7 +141,7 @@ impl Skyline {
 
 /// Computes `target −= block · x`.
 #[inline(always)]
-pub fn subtract_product(target: &mut Column, block: &Block, x: &Column) {
+pub fn subtract_product(target: &mut Column6, block: &Block6, x: &Column6) {
     for (column, x) in block.iter().zip(x) {
         for (value, entry) in target.iter_mut().zip(column) {
             *value -= entry * x;
@@ -151,7 +151,7 @@ pub fn subtract_product(target: &mut Column, block: &Block, x: &Column) {
 
 /// Computes `block := block · L⁻ᵀ`; factors store the inverse of their diagonal.
 #[inline(always)]
-fn divide(block: &mut Block, factor: &Block) {
+fn divide(block: &mut Block6, factor: &Block6) {
     for c in 0..BLOCK {
         let (done, rest) = block.split_at_mut(c);
         for (before, entries) in done.iter().zip(factor) {
@@ -167,7 +167,7 @@ fn divide(block: &mut Block, factor: &Block) {
 
 /// Computes the Cholesky factor of a block that was `before` on the diagonal of the whole matrix.
 #[inline(always)]
-pub fn factor_block(block: &mut Block, before: &Block) -> bool {
+pub fn factor_block(block: &mut Block6, before: &Block6) -> bool {
     for c in 0..BLOCK {
         let (done, rest) = block.split_at_mut(c);
         let column = &mut rest[0];
@@ -191,7 +191,7 @@ pub fn factor_block(block: &mut Block, before: &Block) -> bool {
 
 /// Computes `x := L⁻¹ x` with a factored block.
 #[inline(always)]
-pub fn forward(factor: &Block, x: &mut Column) {
+pub fn forward(factor: &Block6, x: &mut Column6) {
     for c in 0..BLOCK {
         x[c] *= factor[c][c];
         for r in c + 1..BLOCK {
@@ -202,7 +202,7 @@ pub fn forward(factor: &Block, x: &mut Column) {
 
 /// Computes `x := L⁻ᵀ x` with a factored block.
 #[inline(always)]
-pub fn backward(factor: &Block, x: &mut Column) {
+pub fn backward(factor: &Block6, x: &mut Column6) {
     for c in (0..BLOCK).rev() {
         for r in c + 1..BLOCK {
             x[c] -= factor[c][r] * x[r];

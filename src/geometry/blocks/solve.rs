@@ -1,7 +1,7 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::skyline::{
-    Block, Column, Skyline, backward, dot, factor_block, forward, subtract_product,
+    Block6, Column6, Skyline, backward, dot, factor_block, forward, subtract_product,
 };
 
 /// Maximum number of steps.
@@ -18,17 +18,17 @@ const TOLERANCE: f64 = 0.02;
 /// The accuracy is about what a step of Levenberg–Marquardt needs (S. Agarwal, N. Snavely, S.
 /// Seitz, R. Szeliski, *Bundle Adjustment in the Large*, ECCV 2010). The preconditioner is block
 /// Jacobi. Returns `None` if the matrix is not positive definite.
-pub fn conjugate_gradients(matrix: &Skyline, right: &[Column]) -> Option<Vec<Column>> {
+pub fn conjugate_gradients(matrix: &Skyline, right: &[Column6]) -> Option<Vec<Column6>> {
     Arch::new().dispatch(Solve { matrix, right })
 }
 
 struct Solve<'a> {
     matrix: &'a Skyline,
-    right: &'a [Column],
+    right: &'a [Column6],
 }
 
 impl WithSimd for Solve<'_> {
-    type Output = Option<Vec<Column>>;
+    type Output = Option<Vec<Column6>>;
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> Self::Output {
@@ -70,8 +70,8 @@ impl WithSimd for Solve<'_> {
 
 /// Non-zero blocks of each row, without the diagonal.
 fn filled(matrix: &Skyline) -> Vec<Vec<u32>> {
-    let is_filled = |block: &Block| block.as_flattened().iter().any(|&v| v != 0.0);
-    let of_row = |blocks: &[Block]| {
+    let is_filled = |block: &Block6| block.as_flattened().iter().any(|&v| v != 0.0);
+    let of_row = |blocks: &[Block6]| {
         (0..blocks.len() as u32 - 1)
             .filter(|&j| is_filled(&blocks[j as usize]))
             .collect()
@@ -79,8 +79,8 @@ fn filled(matrix: &Skyline) -> Vec<Vec<u32>> {
     matrix.rows.iter().map(|row| of_row(&row.blocks)).collect()
 }
 
-fn preconditioner(matrix: &Skyline) -> Option<Vec<Block>> {
-    let factored = |block: &Block| {
+fn preconditioner(matrix: &Skyline) -> Option<Vec<Block6>> {
+    let factored = |block: &Block6| {
         let mut factor = *block;
         factor_block(&mut factor, block).then_some(factor)
     };
@@ -92,7 +92,7 @@ fn preconditioner(matrix: &Skyline) -> Option<Vec<Block>> {
 }
 
 #[inline(always)]
-fn precondition(preconditioner: &[Block], residual: &[Column]) -> Vec<Column> {
+fn precondition(preconditioner: &[Block6], residual: &[Column6]) -> Vec<Column6> {
     let mut out = residual.to_vec();
     for (x, factor) in out.iter_mut().zip(preconditioner) {
         forward(factor, x);
@@ -102,7 +102,7 @@ fn precondition(preconditioner: &[Block], residual: &[Column]) -> Vec<Column> {
 }
 
 #[inline(always)]
-fn multiply(matrix: &Skyline, filled: &[Vec<u32>], x: &[Column]) -> Vec<Column> {
+fn multiply(matrix: &Skyline, filled: &[Vec<u32>], x: &[Column6]) -> Vec<Column6> {
     // The sign is flipped at the end, because block products can only be subtracted.
     let mut out = vec![[0.0; 6]; x.len()];
     for (i, (row, filled)) in matrix.rows.iter().zip(filled).enumerate() {
@@ -124,12 +124,12 @@ fn multiply(matrix: &Skyline, filled: &[Vec<u32>], x: &[Column]) -> Vec<Column> 
 }
 
 #[inline(always)]
-fn inner(a: &[Column], b: &[Column]) -> f64 {
+fn inner(a: &[Column6], b: &[Column6]) -> f64 {
     a.iter().zip(b).map(|(a, b)| dot(a, b)).sum()
 }
 
 #[inline(always)]
-fn advance(x: &mut [Column], length: f64, direction: &[Column]) {
+fn advance(x: &mut [Column6], length: f64, direction: &[Column6]) {
     for (x, direction) in x
         .as_flattened_mut()
         .iter_mut()
@@ -149,7 +149,7 @@ const DIRECT_WORK: f64 = 2.5e9;
 ///
 /// Returns `None` if the matrix is not positive definite or x is not finite. Overwrites the matrix.
 #[must_use]
-pub fn solve(matrix: &mut Skyline, right: &[Column]) -> Option<Vec<Column>> {
+pub fn solve(matrix: &mut Skyline, right: &[Column6]) -> Option<Vec<Column6>> {
     if matrix.work() > DIRECT_WORK {
         return conjugate_gradients(matrix, right);
     }

@@ -10,7 +10,7 @@ use super::linearise::PointTerms;
 use super::normal::Normal;
 use super::problem::{Bundle, BundleOptions, BundleSummary};
 use super::state::{CameraState, Observed};
-use crate::blocks::{Column, dot};
+use crate::blocks::{Column6, dot};
 
 /// Damping of the normal equations and how it changes.
 ///
@@ -58,7 +58,7 @@ pub fn adjust(
     let state = CameraState::new(bundle, options);
     let (layout, point_blocks) = arrange(bundle, options, &state);
     let cost = cost(&point_blocks, &state);
-    let mut search = Search {
+    let mut search = AdjustmentState {
         normal: Normal::new(&layout),
         layout,
         point_blocks,
@@ -73,7 +73,7 @@ pub fn adjust(
 }
 
 /// An adjustment in progress; state and points are always the best so far.
-struct Search {
+struct AdjustmentState {
     layout: Layout,
     point_blocks: Vec<PointBlock>,
     state: CameraState,
@@ -81,7 +81,7 @@ struct Search {
     normal: Normal,
 }
 
-impl Search {
+impl AdjustmentState {
     fn run(
         &mut self,
         options: &BundleOptions,
@@ -133,7 +133,7 @@ impl Search {
         outcome.predicted <= least.min(f64::EPSILON * self.cost) || damping.value > MOST_DAMPING
     }
 
-    fn attempt(&mut self, step: &[Column], damping: f64) -> (CameraState, StepOutcome) {
+    fn attempt(&mut self, step: &[Column6], damping: f64) -> (CameraState, StepOutcome) {
         let moved = self.state.moved(&self.layout, step);
         let candidate = CandidateStep {
             layout: &self.layout,
@@ -175,7 +175,7 @@ pub(super) struct CandidateStep<'a> {
     pub state: &'a CameraState,
     /// State after the step.
     pub moved: &'a CameraState,
-    pub step: &'a [Column],
+    pub step: &'a [Column6],
     pub damping: f64,
 }
 

@@ -2,7 +2,7 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 
-use crate::blocks::{BLOCK, Column};
+use crate::blocks::{BLOCK, Column6};
 
 /// Assignment of blocks of unknowns to poses and cameras.
 #[derive(Debug, Clone, Default)]
@@ -71,13 +71,13 @@ pub(super) struct Groups {
     /// Block of each entry.
     pub blocks: Vec<u32>,
     /// Entries by block: those of block `b` are `sorted[row_starts[b]..row_starts[b + 1]]`.
-    sorted: Vec<Entry>,
+    sorted: Vec<LayoutEntry>,
     row_starts: Vec<u32>,
 }
 
 /// An entry and its partners.
 #[derive(Debug, Clone, Copy)]
-struct Entry {
+struct LayoutEntry {
     at: u32,
     group: u32,
     /// Entries of the group whose block is not above that of this entry.
@@ -88,7 +88,7 @@ struct Entry {
 /// Factors of [`Groups`]: `K` columns per entry, `K` right-hand side values per group.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Factors<const K: usize> {
-    pub columns: Vec<[Column; K]>,
+    pub columns: Vec<[Column6; K]>,
     pub values: Vec<[f64; K]>,
 }
 
@@ -126,7 +126,7 @@ impl Groups {
             for at in entries.clone() {
                 let beyond = (at..entries.end).find(|&other| blocks[other] > blocks[at]);
                 let (first, end) = (entries.start as u32, beyond.unwrap_or(entries.end) as u32);
-                self.sorted.push(Entry {
+                self.sorted.push(LayoutEntry {
                     at: at as u32,
                     group: group as u32,
                     first,

@@ -3,7 +3,7 @@ use pulp::{Simd, WithSimd};
 
 use super::layout::{Factors, Layout, PointBlock};
 use super::state::CameraState;
-use crate::blocks::Column;
+use crate::blocks::Column6;
 
 /// Derivatives of one piece's observations, ready to be added to the reduced matrix.
 ///
@@ -140,7 +140,7 @@ fn eliminate(
 
 /// Returns `J_cᵀ (J_p L⁻ᵀ)`.
 #[inline(always)]
-fn through(columns: &[Column; 2], rows: &[DVec3; 2]) -> [Column; 3] {
+fn through(columns: &[Column6; 2], rows: &[DVec3; 2]) -> [Column6; 3] {
     std::array::from_fn(|k| {
         std::array::from_fn(|i| columns[0][i] * rows[0][k] + columns[1][i] * rows[1][k])
     })

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use super::layout::{Factors, Groups, Layout, PointBlock};
 use super::linearise::{Derivatives, Linearise};
 use super::state::CameraState;
-use crate::blocks::{BLOCK, Column, Row, Skyline, solve, subtract_products};
+use crate::blocks::{BLOCK, Column6, Skyline, SkylineRow, solve, subtract_products};
 
 /// Number of pieces whose derivatives are held at once.
 const WAVE: usize = 8;
@@ -15,9 +15,9 @@ const LEAST_CURVATURE: f64 = 1e-12;
 #[derive(Debug, Clone)]
 pub(super) struct Normal {
     pub matrix: Skyline,
-    pub right: Vec<Column>,
+    pub right: Vec<Column6>,
     /// Curvature of each unknown before the points are eliminated.
-    curvature: Vec<Column>,
+    curvature: Vec<Column6>,
     wave: Vec<Derivatives>,
 }
 
@@ -103,7 +103,7 @@ impl Normal {
     /// Returns the step of all poses and intrinsics; `None` if the equations cannot be solved.
     ///
     /// Overwrites the matrix.
-    pub fn solve(&mut self) -> Option<Vec<Column>> {
+    pub fn solve(&mut self) -> Option<Vec<Column6>> {
         solve(&mut self.matrix, &self.right)
     }
 
@@ -136,9 +136,9 @@ impl Normal {
 /// Subtracts them instead if no curvature is summed.
 struct Add<'a, const K: usize> {
     block: usize,
-    curvature: Option<&'a mut Column>,
-    row: &'a mut Row,
-    right: &'a mut Column,
+    curvature: Option<&'a mut Column6>,
+    row: &'a mut SkylineRow,
+    right: &'a mut Column6,
     groups: &'a Groups,
     factors: &'a Factors<K>,
 }

@@ -3,7 +3,7 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use super::layout::{Layout, Observation};
 use super::lens::{INTRINSICS, Lens, ProjectedPoint};
 use super::problem::{Bundle, BundleOptions, Loss, Refine};
-use crate::blocks::{BLOCK, Column};
+use crate::blocks::{BLOCK, Column6};
 use crate::{Camera, Pose};
 
 /// Cameras and poses during the adjustment; the points are stored in the pieces.
@@ -46,7 +46,7 @@ impl Observed<'_> {
     /// The pose is parametrised as a rotation about the camera centre and a translation in camera
     /// space.
     #[inline(always)]
-    pub fn by_pose(&self) -> [Column; 2] {
+    pub fn by_pose(&self) -> [Column6; 2] {
         self.by_x.map(|d| {
             let turn = self.x.cross(d);
             [turn.x, turn.y, turn.z, d.x, d.y, d.z]
@@ -57,7 +57,7 @@ impl Observed<'_> {
     ///
     /// They are blocks padded with zeros.
     #[inline(always)]
-    pub fn by_intrinsics(&self) -> [[Column; 2]; INTRINSICS / BLOCK] {
+    pub fn by_intrinsics(&self) -> [[Column6; 2]; INTRINSICS / BLOCK] {
         let mut by = [DVec2::ZERO; INTRINSICS];
         self.lens.by_intrinsics(&self.seen, &mut by);
         std::array::from_fn(|block| {
@@ -116,7 +116,7 @@ impl CameraState {
     }
 
     /// Returns the state after a step of all blocks.
-    pub fn moved(&self, layout: &Layout, step: &[Column]) -> Self {
+    pub fn moved(&self, layout: &Layout, step: &[Column6]) -> Self {
         let mut moved = self.clone();
         for (image, block) in layout.poses.iter().enumerate() {
             let Some(block) = *block else { continue };
@@ -197,7 +197,7 @@ fn view(pose: &Pose, camera: usize) -> PreparedPose {
     }
 }
 
-fn moved_pose(pose: &Pose, step: &Column) -> Pose {
+fn moved_pose(pose: &Pose, step: &Column6) -> Pose {
     let [a, b, c, x, y, z] = *step;
     let turn = Pose {
         rotation: DQuat::from_scaled_axis(DVec3::new(a, b, c)),

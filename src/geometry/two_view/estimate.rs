@@ -115,7 +115,7 @@ pub fn estimate_two_view(
         return None;
     }
     let matched = Matched::new(cameras, matches_px, options.max_error_px);
-    let search = Search {
+    let search = TwoViewEstimation {
         cameras,
         matched: &matched,
         options,
@@ -147,13 +147,13 @@ fn is_turn(homography: &DMat3, matched: &Matched) -> bool {
     })
 }
 
-struct Search<'a> {
+struct TwoViewEstimation<'a> {
     cameras: [&'a Camera; 2],
     matched: &'a Matched,
     options: &'a TwoViewOptions,
 }
 
-impl Search<'_> {
+impl TwoViewEstimation<'_> {
     fn calibrated(&self) -> Option<TwoView> {
         let Some(essential) = self.seek(
             &Agreement(self.matched, Essential),

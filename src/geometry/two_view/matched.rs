@@ -10,7 +10,7 @@ use crate::ransac::{Cutoff, LANES, within};
 /// They are stored as rays in both cameras, with the squared size of a pixel on the plane z = 1.
 /// Unused lanes hold NaN, which no model explains.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Block {
+pub(super) struct MatchLanes {
     pub x1: [f64; LANES],
     pub y1: [f64; LANES],
     pub x2: [f64; LANES],
@@ -19,7 +19,7 @@ pub(super) struct Block {
     pub pixel2: [f64; LANES],
 }
 
-const EMPTY: Block = Block {
+const EMPTY: MatchLanes = MatchLanes {
     x1: [f64::NAN; LANES],
     y1: [f64::NAN; LANES],
     x2: [f64::NAN; LANES],
@@ -31,7 +31,7 @@ const EMPTY: Block = Block {
 /// Matches between two views as rays, best supported first.
 pub(super) struct Matched {
     pub pairs: Vec<[DVec2; 2]>,
-    pub blocks: Vec<Block>,
+    pub blocks: Vec<MatchLanes>,
     /// Index of each match in the caller's list.
     pub given: Vec<u32>,
     /// Squared threshold, square pixels.
@@ -58,14 +58,14 @@ impl Matched {
 
     /// Returns the matches at given indices, in that order.
     pub fn chosen(&self, places: &[u32]) -> Self {
-        let rows: Vec<Row> = places
+        let rows: Vec<RayMatch> = places
             .iter()
             .map(|&place| self.row(place as usize))
             .collect();
         Self::from_rows(&rows, self.limit)
     }
 
-    fn row(&self, place: usize) -> Row {
+    fn row(&self, place: usize) -> RayMatch {
         let (block, lane) = (&self.blocks[place / LANES], place % LANES);
         (
             self.pairs[place],
@@ -74,7 +74,7 @@ impl Matched {
         )
     }
 
-    fn from_rows(rows: &[Row], limit: f64) -> Self {
+    fn from_rows(rows: &[RayMatch], limit: f64) -> Self {
         let mut blocks = vec![EMPTY; rows.len().div_ceil(LANES)];
         for (place, (rays, pixels, _)) in rows.iter().enumerate() {
             let (block, lane) = (&mut blocks[place / LANES], place % LANES);
@@ -94,7 +94,7 @@ impl Matched {
     }
 
     /// Returns the sum of squared errors truncated at the limit; stops early above `enough`.
-    pub fn cost(&self, enough: f64, errors: impl Fn(&Block) -> [f64; LANES]) -> f64 {
+    pub fn cost(&self, enough: f64, errors: impl Fn(&MatchLanes) -> [f64; LANES]) -> f64 {
         self.arch.dispatch(Cutoff::new(
             &self.blocks,
             self.pairs.len(),
@@ -104,13 +104,13 @@ impl Matched {
     }
 
     /// Returns the indices of matches whose squared error is below the limit, ascending.
-    pub fn within(&self, errors: impl Fn(&Block) -> [f64; LANES]) -> Vec<u32> {
+    pub fn within(&self, errors: impl Fn(&MatchLanes) -> [f64; LANES]) -> Vec<u32> {
         within(&self.blocks, self.limit, errors)
     }
 }
 
 /// Rays, squared pixel sizes, and index in the caller's list.
-type Row = ([DVec2; 2], [f64; 2], u32);
+type RayMatch = ([DVec2; 2], [f64; 2], u32);
 
 /// Returns the area of a pixel on the plane z = 1; NaN where the lens covers nothing.
 fn square_of_pixel(camera: &Camera, ray: DVec2) -> f64 {
@@ -121,7 +121,7 @@ fn square_of_pixel(camera: &Camera, ray: DVec2) -> f64 {
 ///
 /// P. Sampson, *Fitting conic sections to "very scattered" data*, CGIP 1982.
 #[inline(always)]
-pub(super) fn epipolar_errors(m: &DMat3, b: &Block) -> [f64; LANES] {
+pub(super) fn epipolar_errors(m: &DMat3, b: &MatchLanes) -> [f64; LANES] {
     let (c0, c1, c2) = (m.x_axis, m.y_axis, m.z_axis);
     let mut errors = [0.0; LANES];
     for (lane, error) in errors.iter_mut().enumerate() {
@@ -142,7 +142,7 @@ pub(super) fn epipolar_errors(m: &DMat3, b: &Block) -> [f64; LANES] {
 
 /// Returns squared distances in pixels of the second view between `x2` and `h` applied to `x1`.
 #[inline(always)]
-pub(super) fn transfer_errors(h: &DMat3, b: &Block) -> [f64; LANES] {
+pub(super) fn transfer_errors(h: &DMat3, b: &MatchLanes) -> [f64; LANES] {
     let (c0, c1, c2) = (h.x_axis, h.y_axis, h.z_axis);
     let mut errors = [0.0; LANES];
     for (lane, error) in errors.iter_mut().enumerate() {
@@ -170,7 +170,7 @@ const REACH: f64 = 2.0;
 pub(super) fn by_support(cameras: [&Camera; 2], matches_px: &[[DVec2; 2]]) -> Vec<u32> {
     let finite = |&i: &u32| matches_px[i as usize].iter().all(|at| at.is_finite());
     let mut order: Vec<u32> = (0..matches_px.len() as u32).filter(finite).collect();
-    let grid = Grid::new(cameras[0], matches_px, &order);
+    let grid = MatchGrid::new(cameras[0], matches_px, &order);
     let [w, h] = [cameras[1].width, cameras[1].height].map(f64::from);
     let reach = REACH * w.max(h) / grid.cells as f64;
     let support: Vec<u32> = (0..matches_px.len())
@@ -188,14 +188,14 @@ pub(super) fn by_support(cameras: [&Camera; 2], matches_px: &[[DVec2; 2]]) -> Ve
 }
 
 /// Matches by their cell in the first view.
-struct Grid {
+struct MatchGrid {
     cells: usize,
     cell_px: f64,
     starts: Vec<usize>,
     members: Vec<u32>,
 }
 
-impl Grid {
+impl MatchGrid {
     fn new(camera: &Camera, matches_px: &[[DVec2; 2]], chosen: &[u32]) -> Self {
         let cells = (chosen.len() as f64 / PER_CELL)
             .sqrt()

@@ -1,7 +1,7 @@
 use glam::{DMat3, DVec2};
 use nalgebra::Matrix3;
 
-use super::matched::{Block, Matched, epipolar_errors, transfer_errors};
+use super::matched::{MatchLanes, Matched, epipolar_errors, transfer_errors};
 use super::refine::{refine_essential, refine_fundamental};
 use crate::ransac::{Estimator, LANES};
 use crate::solvers::{five_point, homography, homography4, seven_point};
@@ -14,7 +14,7 @@ pub(super) trait Relation {
     /// Appends all matrices that satisfy the matches of a sample.
     fn fit(matched: &Matched, sample: &[usize], found: &mut Vec<DMat3>);
     /// Returns squared errors in pixels.
-    fn errors(m: &DMat3, block: &Block) -> [f64; LANES];
+    fn errors(m: &DMat3, block: &MatchLanes) -> [f64; LANES];
     /// Returns a matrix near `start` that fits its inliers better.
     fn refine(matched: &Matched, start: &DMat3) -> Option<DMat3>;
 }
@@ -106,7 +106,7 @@ impl Relation for Essential {
     }
 
     #[inline(always)]
-    fn errors(m: &DMat3, block: &Block) -> [f64; LANES] {
+    fn errors(m: &DMat3, block: &MatchLanes) -> [f64; LANES] {
         epipolar_errors(m, block)
     }
 
@@ -128,7 +128,7 @@ impl Relation for Fundamental {
     }
 
     #[inline(always)]
-    fn errors(m: &DMat3, block: &Block) -> [f64; LANES] {
+    fn errors(m: &DMat3, block: &MatchLanes) -> [f64; LANES] {
         epipolar_errors(m, block)
     }
 
@@ -145,7 +145,7 @@ impl Relation for Homography {
     }
 
     #[inline(always)]
-    fn errors(m: &DMat3, block: &Block) -> [f64; LANES] {
+    fn errors(m: &DMat3, block: &MatchLanes) -> [f64; LANES] {
         transfer_errors(m, block)
     }
 
@@ -178,7 +178,7 @@ impl Relation for Rotation {
     }
 
     #[inline(always)]
-    fn errors(m: &DMat3, block: &Block) -> [f64; LANES] {
+    fn errors(m: &DMat3, block: &MatchLanes) -> [f64; LANES] {
         transfer_errors(m, block)
     }
 

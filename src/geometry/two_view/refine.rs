@@ -2,7 +2,7 @@ use glam::{DMat3, DQuat, DVec3};
 use nalgebra::Matrix3;
 use pulp::{Simd, WithSimd};
 
-use super::matched::{Block, Matched};
+use super::matched::{MatchLanes, Matched};
 use crate::Pose;
 use crate::epipolar::{cross_matrix, essential_from_pose, poses_from_essential};
 use crate::ransac::LANES;
@@ -24,7 +24,7 @@ pub(super) fn refine_essential(matched: &Matched, start: DMat3) -> Option<DMat3>
     let chart = poses_from_essential(start)?[0];
     Some(essential_from_pose(
         &minimise(
-            Fit {
+            SampsonFit {
                 matched,
                 limit: matched.limit,
                 chart,
@@ -42,7 +42,7 @@ pub(super) fn refine_fundamental(matched: &Matched, start: DMat3, reach: f64) ->
     let limit = reach * reach * matched.limit;
     Some(
         minimise(
-            Fit {
+            SampsonFit {
                 matched,
                 limit,
                 chart: Rank2::of(start)?,
@@ -54,13 +54,13 @@ pub(super) fn refine_fundamental(matched: &Matched, start: DMat3, reach: f64) ->
     )
 }
 
-struct Fit<'a, C> {
+struct SampsonFit<'a, C> {
     matched: &'a Matched,
     limit: f64,
     chart: C,
 }
 
-impl<const N: usize, C: Chart<N>> Problem<N> for Fit<'_, C> {
+impl<const N: usize, C: Chart<N>> Problem<N> for SampsonFit<'_, C> {
     fn linearise(&self) -> Linearised<N> {
         let sampson = Sampson {
             matched: self.matched,
@@ -128,7 +128,7 @@ struct Sums {
 
 impl Sums {
     #[inline(always)]
-    fn add(&mut self, m: &DMat3, limit: f64, b: &Block) {
+    fn add(&mut self, m: &DMat3, limit: f64, b: &MatchLanes) {
         let (mut slopes, mut residual, mut weight) =
             ([[0.0; LANES]; 9], [0.0; LANES], [0.0; LANES]);
         for lane in 0..LANES {

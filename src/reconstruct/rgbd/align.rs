@@ -2,7 +2,7 @@ use glam::{DQuat, DVec3, Vec3};
 use nalgebra::{Matrix6, Vector6};
 use wide::f32x8;
 
-use super::pyramid::{Level, Pyramid};
+use super::pyramid::{Pyramid, PyramidLevel};
 use ostra_geometry::{Isometry, Pose};
 
 /// Maximum number of steps per level, from the finest to the coarsest.
@@ -61,7 +61,7 @@ struct Errors {
 }
 
 /// Sums over the pixels.
-struct Sums {
+struct AlignmentSums {
     /// Weighted products of the derivatives.
     hessian: Matrix6<f64>,
     gradient: Vector6<f64>,
@@ -74,7 +74,7 @@ struct Sums {
     brighter: f64,
 }
 
-impl Sums {
+impl AlignmentSums {
     fn new() -> Self {
         let (hessian, gradient) = (Matrix6::zeros(), Vector6::zeros());
         Self {
@@ -151,7 +151,7 @@ pub fn align(source: &Pyramid, target: &Pyramid, guess: &Pose, coarsest: usize) 
     })
 }
 
-impl Sums {
+impl AlignmentSums {
     fn spread(&self, before: &Spread) -> Spread {
         let of = |[weights, squares]: [f64; 2], before: f32, least: f32| {
             if weights > 0.0 {
@@ -191,7 +191,7 @@ impl RowSums {
         }
     }
 
-    fn flush(&self, sums: &mut Sums) {
+    fn flush(&self, sums: &mut AlignmentSums) {
         for (i, row) in self.0.iter().enumerate() {
             let row = row.to_array();
             for (j, &value) in row[..6].iter().enumerate() {
@@ -202,9 +202,14 @@ impl RowSums {
     }
 }
 
-fn sums(source: &Level, target: &Level, pose: &Pose, errors: &Errors) -> Sums {
+fn sums(
+    source: &PyramidLevel,
+    target: &PyramidLevel,
+    pose: &Pose,
+    errors: &Errors,
+) -> AlignmentSums {
     let target_from_source = Isometry::from(pose);
-    let mut sums = Sums::new();
+    let mut sums = AlignmentSums::new();
     for y in 0..source.height {
         let mut row = RowSums::default();
         for x in 0..source.width {
@@ -235,9 +240,9 @@ struct SourcePoint {
 /// Adds the contribution of a source point.
 #[inline]
 fn add_point(
-    sums: &mut Sums,
+    sums: &mut AlignmentSums,
     row: &mut RowSums,
-    target: &Level,
+    target: &PyramidLevel,
     point: SourcePoint,
     errors: &Errors,
 ) {

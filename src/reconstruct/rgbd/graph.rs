@@ -86,7 +86,7 @@ impl Graph {
     pub fn fragments(&self) -> Vec<Fragment> {
         let links: Vec<Link> = self.holding().copied().collect();
         let members =
-            Components::new(self.poses.len(), links.iter().map(|link| link.scans)).members();
+            ScanComponents::new(self.poses.len(), links.iter().map(|link| link.scans)).members();
         let open = members
             .into_iter()
             .filter(|scans| scans.iter().all(|&scan| self.poses[scan].is_none()));
@@ -177,7 +177,7 @@ impl Graph {
         }
         let held = self.holding().map(|link| link.scans);
         let held = held.filter(|[a, b]| self.poses[*a].is_some() && self.poses[*b].is_some());
-        let kept = Components::new(self.poses.len(), held)
+        let kept = ScanComponents::new(self.poses.len(), held)
             .members()
             .into_iter()
             .next()
@@ -191,12 +191,12 @@ impl Graph {
 
 /// Sets of scans that links connect.
 #[derive(Debug, Clone)]
-pub struct Components {
+pub struct ScanComponents {
     /// By scan, the first scan of its component.
     first: Vec<u32>,
 }
 
-impl Components {
+impl ScanComponents {
     /// Computes the components of `count` scans under some links, given by their ends.
     #[must_use]
     pub fn new(count: usize, links: impl IntoIterator<Item = [usize; 2]>) -> Self {

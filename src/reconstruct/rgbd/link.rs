@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::align::{Aligned, align};
-use super::pyramid::{LEVELS, Level, Pyramid};
+use super::pyramid::{LEVELS, Pyramid, PyramidLevel};
 use super::scan::Scan;
 use ostra_geometry::{
     AbsolutePoseOptions, Isometry, Pose, PoseEdge, estimate_absolute_pose, is_same_depth,
@@ -11,7 +11,7 @@ use ostra_geometry::{
 
 /// Minimum share of one view that the other sees.
 const LEAST_OVERLAP: f64 = 0.15;
-/// Minimum share of what is seen that agrees; see [`Agreement::consistent`].
+/// Minimum share of what is seen that agrees; see [`ViewAgreement::consistent`].
 const LEAST_CONSISTENT: f64 = 0.9;
 /// Minimum similarity of the images where the surfaces agree.
 const LEAST_LIKENESS: f64 = 0.5;
@@ -55,7 +55,7 @@ pub struct Link {
     /// Alignment of the target with the source.
     pub aligned: Aligned,
     /// How well they agree.
-    pub agreement: Agreement,
+    pub agreement: ViewAgreement,
 }
 
 impl Link {
@@ -85,14 +85,14 @@ impl Link {
 /// The best agreement, if none is sufficient.
 pub fn align_and_check(
     [source, target]: [&Pyramid; 2],
-    guesses: &[(Pose, Start)],
-) -> Result<(Aligned, Agreement), Option<Agreement>> {
-    let mut best: Option<Agreement> = None;
+    guesses: &[(Pose, PoseGuess)],
+) -> Result<(Aligned, ViewAgreement), Option<ViewAgreement>> {
+    let mut best: Option<ViewAgreement> = None;
     for (guess, start) in guesses {
         let Some(aligned) = align(source, target, guess, start.coarsest()) else {
             continue;
         };
-        let agreement = Agreement::of(source, target, &aligned.target_from_source);
+        let agreement = ViewAgreement::of(source, target, &aligned.target_from_source);
         if is_enough(&agreement) {
             return Ok((aligned, agreement));
         }
@@ -107,22 +107,22 @@ pub fn align_and_check(
 
 /// Returns whether an agreement is sufficient for two views of the same place.
 #[must_use]
-fn is_enough(agreement: &Agreement) -> bool {
+fn is_enough(agreement: &ViewAgreement) -> bool {
     agreement.overlap >= LEAST_OVERLAP
         && agreement.consistent >= LEAST_CONSISTENT
         && agreement.likeness >= LEAST_LIKENESS
 }
 
-/// Possible error of an initial pose.
+/// How far off an initial pose may be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Start {
+pub enum PoseGuess {
     /// As large as the camera motion between two frames.
     Far,
     /// About as large as for poses from features.
     Near,
 }
 
-impl Start {
+impl PoseGuess {
     fn coarsest(self) -> usize {
         match self {
             Self::Far => LEVELS - 1,
@@ -165,7 +165,7 @@ const LEAST_TEXTURE: f64 = 0.02;
 
 /// How well the content of two views fits together under a pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Agreement {
+pub struct ViewAgreement {
     /// Share of the source's pixels with known depth that lie on surfaces of the target, 0–1.
     pub overlap: f64,
     /// Share of the pixels on or in front of the target's surfaces that lie on them, 0–1.
@@ -176,7 +176,7 @@ pub struct Agreement {
     pub likeness: f64,
 }
 
-impl Agreement {
+impl ViewAgreement {
     /// Measures both directions and returns the smaller value of each.
     #[must_use]
     pub fn of(source: &Pyramid, target: &Pyramid, target_from_source: &Pose) -> Self {
@@ -198,7 +198,7 @@ impl Agreement {
     }
 }
 
-fn seen_by(source: &Level, target: &Level, pose: &Pose) -> Agreement {
+fn seen_by(source: &PyramidLevel, target: &PyramidLevel, pose: &Pose) -> ViewAgreement {
     let target_from_source = Isometry::from(pose);
     let (mut known, mut same, mut before) = (0u32, 0u32, 0u32);
     let mut moments = Moments::default();
@@ -228,7 +228,7 @@ fn seen_by(source: &Level, target: &Level, pose: &Pose) -> Agreement {
             }
         }
     }
-    Agreement {
+    ViewAgreement {
         overlap: f64::from(same) / f64::from(known.max(1)),
         consistent: f64::from(same) / f64::from((same + before).max(1)),
         likeness: moments.correlation(),

@@ -17,10 +17,10 @@ mod odometry;
 mod pyramid;
 pub mod register;
 mod register_rgbd;
+mod rgbd_image;
 mod scan;
 #[cfg(test)]
 mod tests;
-mod view;
 
 pub use calibrate::{Calibration, calibrate};
 pub use error::RgbdError;

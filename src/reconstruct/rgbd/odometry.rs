@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 use rayon::prelude::*;
 
 use super::align::Aligned;
-use super::link::{Agreement, Link, LinkKind, Start, align_and_check, pose_from_features};
+use super::link::{Link, LinkKind, PoseGuess, ViewAgreement, align_and_check, pose_from_features};
 use super::pyramid::Pyramid;
 use super::scan::Scan;
 use crate::sfm::{FeatureError, PairMatches};
@@ -85,7 +85,7 @@ impl Known {
 const BACK: usize = 4;
 
 /// Result of comparing two scans: a link, or the best agreement found.
-pub type Tried = ([usize; 2], Result<Link, Option<Agreement>>);
+pub type Tried = ([usize; 2], Result<Link, Option<ViewAgreement>>);
 
 /// Links each scan with the one before; if that fails, with an earlier one. Results are reported to `chain`.
 ///
@@ -172,12 +172,12 @@ pub fn compare(
     matches: &[(u32, u32)],
     seed: u64,
     close: bool,
-) -> Result<(Aligned, Agreement), Option<Agreement>> {
+) -> Result<(Aligned, ViewAgreement), Option<ViewAgreement>> {
     let by_features =
-        pose_from_features(scans[0], scans[1], matches, seed).map(|pose| (pose, Start::Near));
-    let guesses: Vec<(Pose, Start)> = by_features
+        pose_from_features(scans[0], scans[1], matches, seed).map(|pose| (pose, PoseGuess::Near));
+    let guesses: Vec<(Pose, PoseGuess)> = by_features
         .into_iter()
-        .chain(close.then_some((Pose::IDENTITY, Start::Far)))
+        .chain(close.then_some((Pose::IDENTITY, PoseGuess::Far)))
         .collect();
     if guesses.is_empty() {
         return Err(None);
@@ -189,7 +189,7 @@ pub fn compare(
 fn linked(
     pair: [usize; 2],
     kind: LinkKind,
-    result: Result<(Aligned, Agreement), Option<Agreement>>,
+    result: Result<(Aligned, ViewAgreement), Option<ViewAgreement>>,
 ) -> Tried {
     (
         pair,
@@ -228,7 +228,7 @@ pub fn densify(
         Some(linked(
             pair,
             kind,
-            align_and_check([&source, &target], &[(guess, Start::Near)]),
+            align_and_check([&source, &target], &[(guess, PoseGuess::Near)]),
         ))
     };
     pairs.par_iter().filter_map(of_pair).collect()

@@ -1,7 +1,7 @@
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::view::{SAME_SURFACE, View};
+use super::rgbd_image::{RgbdImage, SAME_SURFACE};
 use ostra_core::image::{halve, lerp, mean_of_four};
 use ostra_geometry::{Pinhole, is_same_depth};
 
@@ -12,14 +12,14 @@ pub const LEVELS: usize = 4;
 #[derive(Debug, Clone)]
 pub struct Pyramid {
     /// The levels.
-    pub levels: Vec<Level>,
+    pub levels: Vec<PyramidLevel>,
     /// Mean of the known depths, in world units; 0 without any.
     pub typical_depth: f32,
 }
 
 /// One size of a view; pixels row by row.
 #[derive(Debug, Clone)]
-pub struct Level {
+pub struct PyramidLevel {
     /// Columns.
     pub width: usize,
     /// Rows.
@@ -39,9 +39,9 @@ pub struct Level {
 impl Pyramid {
     /// Computes all levels of a view.
     #[must_use]
-    pub fn new(view: &View) -> Self {
+    pub fn new(view: &RgbdImage) -> Self {
         let pixels = view.grey.len();
-        let mut level = Level {
+        let mut level = PyramidLevel {
             width: view.camera.width as usize,
             height: view.camera.height as usize,
             focal: view.camera.focal_px.as_vec2(),
@@ -71,7 +71,7 @@ impl Pyramid {
     }
 }
 
-impl Level {
+impl PyramidLevel {
     /// Returns the ray of a pixel: its point at depth 1.
     #[must_use]
     pub fn ray(&self, x: usize, y: usize) -> Vec3 {

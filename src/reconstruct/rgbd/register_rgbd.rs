@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use super::graph::{Components, Graph};
+use super::graph::{Graph, ScanComponents};
 use super::join::{join, overlapping};
 use super::link::{FrameLink, LinkKind};
 use super::odometry::{Chain, OnPose, Tried, compare, densify, loops, odometry};
@@ -284,7 +284,7 @@ pub fn add_statuses(
     graph: &Graph,
     outcomes: &mut BTreeMap<usize, RegistrationStatus>,
 ) {
-    let components = Components::new(scans.len(), graph.holding().map(|link| link.scans));
+    let components = ScanComponents::new(scans.len(), graph.holding().map(|link| link.scans));
     let size = |scan: usize| {
         (0..scans.len())
             .filter(|&other| components.of(other) == components.of(scan))

@@ -4,7 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::RgbdError;
-use super::view::View;
+use super::rgbd_image::RgbdImage;
 use crate::sfm::{FeatureExtractor, Features, RegistrationStatus};
 use ostra_core::job::Progress;
 use ostra_frames::{DepthMap, Frame, FrameStore};
@@ -24,7 +24,7 @@ pub struct Scan {
     /// Its camera, in the image's full size.
     pub camera: Camera,
     /// Image and depth, reduced in size.
-    pub view: View,
+    pub view: RgbdImage,
     /// Features of the image in full size.
     pub features: Features,
     /// Position of each feature in the camera's axes; `None` if the depth is unknown.
@@ -81,7 +81,7 @@ pub fn scan(
             why: "image, depth and camera differ in size; give all in one".into(),
         }));
     }
-    let view = View::new(&image, &depth, &camera);
+    let view = RgbdImage::new(&image, &depth, &camera);
     if view.known() < LEAST_KNOWN {
         return Ok(Err(RegistrationStatus::NoDepth {
             known: view.known(),

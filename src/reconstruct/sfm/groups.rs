@@ -1,6 +1,6 @@
 use std::path::PathBuf;
 
-use super::{IntrinsicsSource, MapCamera};
+use super::{IntrinsicsPrior, MapCamera};
 use ostra_frames::{Frame, ImageSource, Orientation, exif_focal_px};
 use ostra_geometry::{Camera, Distortion};
 
@@ -48,7 +48,7 @@ impl CameraGroups {
     fn given(&mut self, intrinsics: Camera) -> usize {
         let camera = MapCamera {
             intrinsics,
-            source: IntrinsicsSource::Given,
+            source: IntrinsicsPrior::Given,
         };
         self.cameras
             .iter()
@@ -102,9 +102,9 @@ fn first_guess(frame: &Frame, exif_focal_px: Option<f64>) -> MapCamera {
         )
     };
     let source = if exif_focal_px.is_some() {
-        IntrinsicsSource::Exif
+        IntrinsicsPrior::Exif
     } else {
-        IntrinsicsSource::Guessed
+        IntrinsicsPrior::Guessed
     };
     MapCamera { intrinsics, source }
 }

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::extract::ImageFeatures;
 use super::request::SfmRequest;
-use super::{IntrinsicsSource, KeypointId, MapProblem, RegistrationStatus, SfmError, SparseModel};
+use super::{IntrinsicsPrior, KeypointId, MapProblem, RegistrationStatus, SfmError, SparseModel};
 use ostra_core::statistics::upper_median;
 use ostra_frames::{Frame, FrameCamera, FrameStore};
 use ostra_geometry::{
@@ -172,7 +172,7 @@ impl Locator<'_> {
             (Some(given), _) => (given.intrinsics, false),
             (None, Some(camera)) => (
                 self.model.cameras[camera],
-                self.problem.cameras[camera].source != IntrinsicsSource::Given,
+                self.problem.cameras[camera].source != IntrinsicsPrior::Given,
             ),
             (None, None) => (self.model.cameras[0], true),
         }

@@ -31,11 +31,11 @@ pub use features::{
     Descriptors, FeatureError, FeatureExtractor, FeatureMatcher, Features, PairMatches,
 };
 pub use groups::CameraGroups;
-pub use mapper::{FirstPairRequirement, Mapped, MapperOptions, Refusal, Start, map};
+pub use mapper::{FirstPairRequirement, Mapped, MapperOptions, ModelStart, Refusal, map};
 pub use pairs::{MatchedImages, PairOptions, TriedPair, choose_pairs, match_pairs};
 pub use pipeline::structure_from_motion;
 pub use problem::{
-    Correspondences, IntrinsicsSource, KeypointId, MapCamera, MapImage, MapProblem, ModelPoint,
+    Correspondences, IntrinsicsPrior, KeypointId, MapCamera, MapImage, MapProblem, ModelPoint,
     SparseModel, VerifiedPair,
 };
 pub use registration_report::RegistrationStatus;

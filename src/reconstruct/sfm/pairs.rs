@@ -7,7 +7,7 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use super::retrieval::{Vocabulary, most_alike};
-use super::{FeatureMatcher, Features, IntrinsicsSource, MapCamera, SfmError, VerifiedPair};
+use super::{FeatureMatcher, Features, IntrinsicsPrior, MapCamera, SfmError, VerifiedPair};
 use ostra_core::job::Progress;
 use ostra_geometry::{TwoViewOptions, estimate_two_view};
 
@@ -202,7 +202,7 @@ fn agreeing(
     };
     let calibrated = both
         .iter()
-        .all(|matched| matched.camera.source == IntrinsicsSource::Given);
+        .all(|matched| matched.camera.source == IntrinsicsPrior::Given);
     let found = estimate_two_view(
         [&a.camera.intrinsics, &b.camera.intrinsics],
         calibrated,

@@ -261,7 +261,7 @@ fn scale_to_metres(
     result: &mut SfmResult,
     progress: &Progress,
 ) -> Result<(), SfmError> {
-    let has_unit = request.keep_poses && result.start == super::Start::Given;
+    let has_unit = request.keep_poses && result.start == super::ModelStart::Given;
     if has_unit || !request.frames.iter().any(Frame::has_sensor_depth) {
         return Ok(());
     }

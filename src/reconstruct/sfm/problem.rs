@@ -15,7 +15,7 @@ pub struct KeypointId {
 
 /// How reliable a camera's intrinsics are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum IntrinsicsSource {
+pub enum IntrinsicsPrior {
     /// Known; they stay fixed.
     Given,
     /// The focal length is from the image file's EXIF data; everything is refined.
@@ -30,7 +30,7 @@ pub struct MapCamera {
     /// Its intrinsics, or the initial values of their refinement.
     pub intrinsics: Camera,
     /// How reliable they are.
-    pub source: IntrinsicsSource,
+    pub source: IntrinsicsPrior,
 }
 
 /// An image as the mapper sees it.

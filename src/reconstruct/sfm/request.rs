@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::extract::{AllowedPixels, FrameFeatureExtractor};
 use super::{
     FeatureExtractor, FeatureMatcher, ImageFeatures, KeypointId, MapProblem, MapperOptions,
-    MetricScale, PairOptions, RegistrationStatus, SparseModel, Start,
+    MetricScale, ModelStart, PairOptions, RegistrationStatus, SparseModel,
 };
 use ostra_frames::cameras::{SparseKeypoint, SparsePoint, SparsePoints};
 use ostra_frames::{Frame, FrameCamera, FrameStore};
@@ -55,7 +55,7 @@ pub struct SfmResult {
     /// Outcomes by frame number.
     pub outcomes: BTreeMap<usize, RegistrationStatus>,
     /// How the model was started.
-    pub start: Start,
+    pub start: ModelStart,
     /// Number of frames per model, the kept one first.
     pub models: Vec<usize>,
     /// The scale from depth maps, if the model was scaled by it.
@@ -94,7 +94,7 @@ pub fn frame_cameras(
     let camera = |(image, &frame): (usize, &usize)| {
         let camera_from_world: Pose = model.poses[image]?;
         let number = problem.images[image].camera;
-        let estimated = problem.cameras[number].source != super::IntrinsicsSource::Given;
+        let estimated = problem.cameras[number].source != super::IntrinsicsPrior::Given;
         let intrinsics = model.cameras[number];
         Some((
             frame,

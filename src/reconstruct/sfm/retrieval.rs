@@ -20,19 +20,19 @@ const ROUNDS: usize = 8;
 /// Typical descriptors of a set of images, used to summarise each image in one vector.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Vocabulary {
-    kind: Kind,
+    kind: DescriptorKind,
     /// At most [`CENTRES`] rows.
     centres: Vec<f32>,
 }
 
 /// Properties that descriptors must share to be compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Kind {
+struct DescriptorKind {
     dim: usize,
     bytes: bool,
 }
 
-impl Kind {
+impl DescriptorKind {
     fn of(descriptors: &Descriptors) -> Self {
         Self {
             dim: descriptors.dim().max(1),
@@ -50,15 +50,15 @@ impl Vocabulary {
         let all: Vec<&Descriptors> = features.iter().map(|one| &one.descriptors).collect();
         let first = all.iter().find(|one| !one.is_empty());
         let kind = first.map_or(
-            Kind {
+            DescriptorKind {
                 dim: 1,
                 bytes: false,
             },
-            |first| Kind::of(first),
+            |first| DescriptorKind::of(first),
         );
         let fitting: Vec<&Descriptors> = all
             .into_iter()
-            .filter(|one| Kind::of(one) == kind)
+            .filter(|one| DescriptorKind::of(one) == kind)
             .collect();
         Self {
             kind,
@@ -76,7 +76,7 @@ impl Vocabulary {
     /// Zisserman, "All about VLAD", CVPR 2013.
     #[must_use]
     pub fn pooled(&self, features: &Features) -> Vec<f32> {
-        if Kind::of(&features.descriptors) != self.kind {
+        if DescriptorKind::of(&features.descriptors) != self.kind {
             return vec![0.0; self.centres.len()];
         }
         match &features.descriptors {

@@ -17,7 +17,7 @@ mod tests;
 pub use error::StereoError;
 pub use filter::FilterOptions;
 pub use fusion::{Contributor, DenseCloud, FusedView, FusionOptions, FusionRequest, fuse_depths};
-pub use gpu::Engine;
+pub use gpu::StereoEngine;
 pub use maps::{DepthEstimate, DepthStore, InMemoryDepthStore, Stage};
 pub use pipeline::{RasterMask, StereoOptions, StereoRequest, ViewOutcome, estimate_depths};
 pub use raster::{raster_camera, raster_image};

@@ -45,7 +45,7 @@ impl Default for SparseOptions {
 const TOGETHER: usize = 64;
 
 /// A view's features and camera.
-struct View {
+struct FeatureView {
     frame: usize,
     camera: Camera,
     pose: Pose,
@@ -111,7 +111,7 @@ fn view(
     store: &FrameStore,
     extractor: &dyn FeatureExtractor,
     options: &SparseOptions,
-) -> Result<Option<View>, StereoError> {
+) -> Result<Option<FeatureView>, StereoError> {
     let Some((lens, pose)) = frame.posed_camera() else {
         return Ok(None);
     };
@@ -136,7 +136,7 @@ fn view(
         f64::from(frame.width) / f64::from(camera.width),
         f64::from(frame.height) / f64::from(camera.height),
     );
-    Ok(Some(View {
+    Ok(Some(FeatureView {
         frame: number,
         camera,
         pose: *pose,
@@ -155,7 +155,7 @@ struct ViewKeypoint {
 
 /// Returns tracks of keypoints over all matches that agree with the poses.
 fn matched_tracks(
-    views: &[View],
+    views: &[FeatureView],
     matcher: &dyn FeatureMatcher,
     options: &SparseOptions,
     progress: &Progress,
@@ -198,7 +198,7 @@ fn matched_tracks(
 }
 
 /// Returns the fundamental matrix of two posed views: from positions in the first to lines in the second.
-fn epipolar_lines(first: &View, second: &View) -> DMat3 {
+fn epipolar_lines(first: &FeatureView, second: &FeatureView) -> DMat3 {
     let second_from_first = second.pose.compose(&first.pose.inverse());
     fundamental_in_pixels(
         essential_from_pose(&second_from_first),
@@ -218,7 +218,7 @@ fn line_distance(lines: DMat3, [a, b]: [DVec2; 2]) -> f64 {
 
 fn add_point(
     sparse: &mut SparsePoints,
-    views: &[View],
+    views: &[FeatureView],
     track: &[ViewKeypoint],
     options: &SparseOptions,
 ) {

@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 
 use super::export_frames::{write_depths, write_undistorted};
 use super::export_inputs::{
-    Sources, check, check_targets, first_renamed, mask_format, outdated, output_files,
+    ExportInputs, check, check_targets, first_renamed, mask_format, outdated, output_files,
     output_folders,
 };
 use super::export_scene::{write_cloud, write_mesh, write_traits, write_voxels};
@@ -28,14 +28,13 @@ use ostra_project::{ExportRequest, ResultKind};
 
 impl Session {
     pub(crate) fn export(&mut self, request: &ExportRequest) -> Result<JobId> {
-        let sources = self.export_sources()?;
-        check(request, &sources)?;
-        let targets =
-            ExportTargets::of(&sources.project, sources.root.as_deref(), request.overwrite);
+        let inputs = self.export_inputs()?;
+        check(request, &inputs)?;
+        let targets = ExportTargets::of(&inputs.project, inputs.root.as_deref(), request.overwrite);
         check_targets(request, &targets)?;
         let request = request.clone();
         Ok(self.start("Export", JobKind::Short, move |context| {
-            let warnings = write(&request, &sources, &targets, &context.progress)?;
+            let warnings = write(&request, &inputs, &targets, &context.progress)?;
             Ok(Box::new(move |session: &mut Self| {
                 session.warn_all(warnings);
                 Ok(())
@@ -116,7 +115,7 @@ impl Session {
     /// Collects the inputs of an export.
     ///
     /// An inspected PLY can be exported too; it has only a cloud.
-    fn export_sources(&self) -> Result<Sources> {
+    fn export_inputs(&self) -> Result<ExportInputs> {
         let inspecting = self.inspected.is_some();
         let project = if inspecting {
             Arc::default()
@@ -143,7 +142,7 @@ impl Session {
             .get(&ResultKind::Cloud)
             .is_some_and(|record| record.stale);
         let follows = is_stale && self.follows();
-        Ok(Sources {
+        Ok(ExportInputs {
             is_stale,
             follows,
             project,
@@ -162,24 +161,24 @@ impl Session {
 /// Writes the requested files and returns warnings for the user.
 fn write(
     request: &ExportRequest,
-    sources: &Sources,
+    inputs: &ExportInputs,
     targets: &ExportTargets,
     progress: &Progress,
 ) -> Result<Vec<String>> {
     let of_cloud = request.cloud.is_some() || request.voxels.is_some() || request.traits.is_some();
     let cloud = (of_cloud || request.per_label)
-        .then(|| load_cloud(sources, progress))
+        .then(|| load_cloud(inputs, progress))
         .transpose()?;
     // A cloud may have labels that the project no longer has. They get files too.
     let labels = cloud.as_ref().map_or_else(LabelTree::default, |cloud| {
-        sources.tree_of_today(&cloud.tree)
+        inputs.tree_of_today(&cloud.tree)
     });
     let files = output_files(request, &labels);
     if request.per_label {
         targets.check_files(files.iter().map(PathBuf::as_path))?;
     }
     let folders: Vec<PathBuf> = output_folders(request).map(Path::to_owned).collect();
-    let write = || write_targets(request, sources, cloud.as_ref(), progress);
+    let write = || write_targets(request, inputs, cloud.as_ref(), progress);
     let (mut warnings, removed) = ExportTargets::write_all(&files, &folders, write)?;
     warnings.extend(removed);
     Ok(warnings)
@@ -191,12 +190,12 @@ const UNIT_ASSUMED: &str = "traits are in metres only if the given cameras are; 
 
 fn write_targets(
     request: &ExportRequest,
-    sources: &Sources,
+    inputs: &ExportInputs,
     cloud: Option<&LabelledCloud>,
     progress: &Progress,
 ) -> Result<Vec<String>> {
-    let mut warnings: Vec<String> = outdated(request, sources).into_iter().collect();
-    if request.traits.is_some() && sources.project.is_unit_assumed() {
+    let mut warnings: Vec<String> = outdated(request, inputs).into_iter().collect();
+    if request.traits.is_some() && inputs.project.is_unit_assumed() {
         warnings.push(UNIT_ASSUMED.to_owned());
     }
     if let Some(cloud) = cloud {
@@ -205,27 +204,27 @@ fn write_targets(
             warnings.extend(save_origin(path, cloud.origin)?);
             warnings.extend(without_points(cloud, request.level).filter(|_| request.per_label));
         }
-        let voxels = |path| write_voxels(path, cloud, sources, request, progress);
+        let voxels = |path| write_voxels(path, cloud, inputs, request, progress);
         request.voxels.as_deref().map_or(Ok(()), voxels)?;
         if let Some(path) = &request.voxels {
             warnings.extend(save_origin(path, cloud.origin)?);
         }
-        let traits = |path| write_traits(path, cloud, request, sources.unit, progress);
+        let traits = |path| write_traits(path, cloud, request, inputs.unit, progress);
         request.traits.as_deref().map_or(Ok(()), traits)?;
     }
     if let Some(path) = &request.mesh {
-        warnings.extend(write_mesh(path, sources, request, progress)?);
+        warnings.extend(write_mesh(path, inputs, request, progress)?);
     }
-    let of_project = |root| read_sparse(root, &sources.project);
+    let of_project = |root| read_sparse(root, &inputs.project);
     let sparse = || -> Result<SparsePoints> {
-        let points = sources
+        let points = inputs
             .root
             .as_deref()
             .map_or_else(|| Ok(SparsePoints::default()), of_project)?;
-        Ok(sources.project.global_points(points))
+        Ok(inputs.project.global_points(points))
     };
     if let Some(folder) = &request.cameras {
-        let frames = &sources.project.global_frames();
+        let frames = &inputs.project.global_frames();
         let renamed = match request.camera_encoding {
             ModelEncoding::Text => with_text_names(frames),
             ModelEncoding::Binary => None,
@@ -250,9 +249,9 @@ fn write_targets(
     if let Some(folder) = &request.undistorted {
         warnings.extend(write_undistorted(
             folder,
-            &sources.project,
+            &inputs.project,
             &sparse()?,
-            &sources.store,
+            &inputs.store,
             progress,
         )?);
     }
@@ -260,7 +259,7 @@ fn write_targets(
         super::masks::write(
             folder,
             mask_format(request)?,
-            &sources.project,
+            &inputs.project,
             request.level,
             progress,
         )?;
@@ -268,8 +267,8 @@ fn write_targets(
     if let Some(folder) = &request.depths {
         warnings.extend(write_depths(
             folder,
-            &sources.project,
-            &sources.store,
+            &inputs.project,
+            &inputs.store,
             progress,
         )?);
     }
@@ -277,8 +276,8 @@ fn write_targets(
 }
 
 /// Returns the cloud with the current label names.
-fn load_cloud(sources: &Sources, progress: &Progress) -> Result<LabelledCloud> {
-    let mut cloud = match (&sources.cloud, &sources.cloud_file) {
+fn load_cloud(inputs: &ExportInputs, progress: &Progress) -> Result<LabelledCloud> {
+    let mut cloud = match (&inputs.cloud, &inputs.cloud_file) {
         (Some(cloud), _) => LabelledCloud::clone(cloud),
         (None, Some(path)) => {
             read_ply(path, progress)
@@ -287,8 +286,8 @@ fn load_cloud(sources: &Sources, progress: &Progress) -> Result<LabelledCloud> {
         }
         (None, None) => bail!("there is no cloud"),
     };
-    if sources.cloud_file.is_some() {
-        cloud.tree = sources.tree_of_today(&cloud.tree);
+    if inputs.cloud_file.is_some() {
+        cloud.tree = inputs.tree_of_today(&cloud.tree);
     }
     Ok(cloud)
 }

@@ -17,7 +17,7 @@ use ostra_project::voted_cloud::read_votes_on;
 use ostra_project::{ExportRequest, Project};
 
 /// Snapshots of the inputs of an export.
-pub struct Sources {
+pub struct ExportInputs {
     pub(super) project: Arc<Project>,
     pub(super) store: Arc<FrameStore>,
     /// The labelled cloud, if it is in memory.
@@ -37,7 +37,7 @@ pub struct Sources {
     pub(super) follows: bool,
 }
 
-impl Sources {
+impl ExportInputs {
     /// Returns the project's label tree, with the labels that were removed since a result was made.
     pub(super) fn tree_of_today(&self, former: &LabelTree) -> LabelTree {
         let mut tree = self.project.labels.clone();
@@ -65,7 +65,7 @@ impl Sources {
     }
 }
 
-pub(super) fn check(request: &ExportRequest, sources: &Sources) -> Result<()> {
+pub(super) fn check(request: &ExportRequest, inputs: &ExportInputs) -> Result<()> {
     let ExportRequest {
         cloud,
         mesh,
@@ -93,7 +93,7 @@ pub(super) fn check(request: &ExportRequest, sources: &Sources) -> Result<()> {
         anything,
         "nothing to export; choose a cloud, mesh, voxels, cameras, masks, depths or traits"
     );
-    let has_cloud = sources.cloud.is_some() || sources.cloud_file.is_some();
+    let has_cloud = inputs.cloud.is_some() || inputs.cloud_file.is_some();
     let of_cloud = [cloud, mesh, voxels, traits]
         .into_iter()
         .any(Option::is_some);
@@ -105,10 +105,10 @@ pub(super) fn check(request: &ExportRequest, sources: &Sources) -> Result<()> {
     mesh.as_deref().map(MeshFormat::of).transpose()?;
     voxels.as_deref().map(VoxelFormat::of).transpose()?;
     ensure!(
-        (mesh.is_none() && voxels.is_none()) || sources.surface.is_some(),
+        (mesh.is_none() && voxels.is_none()) || inputs.surface.is_some(),
         "this cloud has no surface; fuse the project's depths (not onto a given cloud)"
     );
-    let frames = &sources.project.frames;
+    let frames = &inputs.project.frames;
     ensure!(
         (cameras.is_none() && undistorted.is_none())
             || frames.iter().any(|frame| frame.posed_camera().is_some()),
@@ -119,7 +119,7 @@ pub(super) fn check(request: &ExportRequest, sources: &Sources) -> Result<()> {
         "no frame has depth; give depth images first"
     );
     mask_format(request)?;
-    check_unit(request, sources)?;
+    check_unit(request, inputs)?;
     ensure!(
         request.level != Some(0),
         "levels count from 1, the top level"
@@ -130,15 +130,15 @@ pub(super) fn check(request: &ExportRequest, sources: &Sources) -> Result<()> {
 /// Rejects metric lengths of a cloud whose scale is unknown.
 ///
 /// For an inspected PLY, the user is expected to know the unit.
-pub(super) fn check_unit(request: &ExportRequest, sources: &Sources) -> Result<()> {
-    let is_known = sources.unit != LengthUnit::World || sources.root.is_none();
+pub(super) fn check_unit(request: &ExportRequest, inputs: &ExportInputs) -> Result<()> {
+    let is_known = inputs.unit != LengthUnit::World || inputs.root.is_none();
     let Some(unit) = request
         .unit
         .filter(|&unit| unit != LengthUnit::World && !is_known)
     else {
         return Ok(());
     };
-    let scaled = sources.project.coordinates().unit != LengthUnit::World;
+    let scaled = inputs.project.coordinates().unit != LengthUnit::World;
     let what = match scaled {
         true => "the cloud is older than the scale of the cameras; fuse again",
         false => {
@@ -241,15 +241,15 @@ pub(super) fn check_targets(request: &ExportRequest, targets: &ExportTargets) ->
 }
 
 /// Returns a warning if an input of the exported points or triangles has changed since.
-pub(super) fn outdated(request: &ExportRequest, sources: &Sources) -> Option<String> {
-    if !sources.is_stale {
+pub(super) fn outdated(request: &ExportRequest, inputs: &ExportInputs) -> Option<String> {
+    if !inputs.is_stale {
         return None;
     }
     let of_points = [&request.cloud, &request.voxels, &request.traits]
         .into_iter()
         .any(Option::is_some);
     let mut reported = Vec::new();
-    if of_points && sources.follows {
+    if of_points && inputs.follows {
         reported.push("labels are up to date, but the points are from the last fusion");
     } else if of_points {
         reported.push("the cloud is written as it was fused");

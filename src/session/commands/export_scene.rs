@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 
-use super::export_inputs::{Sources, make_folder_of};
+use super::export_inputs::{ExportInputs, make_folder_of};
 use ostra_cloud::formats::{CloudFormat, MeshFormat, VoxelFormat, save_origin};
 use ostra_cloud::fuse::ProjectViews;
 use ostra_cloud::measure::{LengthUnit, MeasureOptions, measure, measure_angles, traits_csv};
@@ -35,17 +35,17 @@ pub(super) fn write_cloud(
 /// note about the origin of the positions.
 pub(super) fn write_mesh(
     path: &Path,
-    sources: &Sources,
+    inputs: &ExportInputs,
     request: &ExportRequest,
     progress: &Progress,
 ) -> Result<Vec<String>> {
     let format = MeshFormat::of(path)?;
-    let (file, _) = sources
+    let (file, _) = inputs
         .surface
         .as_ref()
         .context("the cloud has no surface")?;
     let mut mesh = read_mesh(file, progress).context("the project's mesh is gone; fuse again")?;
-    mesh.vertices.tree = sources.tree_of_today(&mesh.vertices.tree);
+    mesh.vertices.tree = inputs.tree_of_today(&mesh.vertices.tree);
     if let Some(level) = request.level {
         mesh.vertices = mesh.vertices.at_level(level);
     }
@@ -97,23 +97,23 @@ fn simplified(
 pub(super) fn write_voxels(
     path: &Path,
     cloud: &LabelledCloud,
-    sources: &Sources,
+    inputs: &ExportInputs,
     request: &ExportRequest,
     progress: &Progress,
 ) -> Result<()> {
     let format = VoxelFormat::of(path)?;
-    let (mesh, voxel) = sources
+    let (mesh, voxel) = inputs
         .surface
         .as_ref()
         .context("the cloud has no surface")?;
     progress.stage("write voxels")?;
-    let mut voxels = voxelize(cloud, sources.votes(cloud.len())?.as_deref(), *voxel)?;
+    let mut voxels = voxelize(cloud, inputs.votes(cloud.len())?.as_deref(), *voxel)?;
     if request.solid {
         let surface =
             read_mesh(mesh, progress).context("the project's mesh is gone; fuse again")?;
         let views = ProjectViews {
-            frames: &sources.project.frames,
-            store: &sources.store,
+            frames: &inputs.project.frames,
+            store: &inputs.store,
             masks: &|_| None,
         };
         voxels = fill_interior(&voxels, *voxel, &surface, &views, progress)?;

@@ -6,7 +6,7 @@ use ostra_frames::{Frame, FrameCamera};
 use ostra_project::ResultEngine;
 use ostra_project::{Edit, Project, ResultKind, ResultRecord};
 use ostra_reconstruct::rgbd::{Calibration, FrameLink, RgbdResult};
-use ostra_reconstruct::sfm::{RegistrationStatus, SfmResult, Start};
+use ostra_reconstruct::sfm::{ModelStart, RegistrationStatus, SfmResult};
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -57,7 +57,8 @@ pub struct Cameras {
 impl From<SfmResult> for Cameras {
     fn from(result: SfmResult) -> Self {
         let (engine, settings) = (ResultEngine::Sfm, settings(&result));
-        let (has_given_poses, is_metric) = (result.start == Start::Given, result.scale.is_some());
+        let (has_given_poses, is_metric) =
+            (result.start == ModelStart::Given, result.scale.is_some());
         let SfmResult {
             cameras,
             sparse,

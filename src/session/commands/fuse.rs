@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use anyhow::{Result, ensure};
 
-use super::surface::{Made, Sources, stereo_version};
+use super::surface::{FusionInputs, Made, stereo_version};
 use crate::Event;
 use crate::Session;
 use crate::{JobCompletion, JobKind};
@@ -53,18 +53,18 @@ impl Session {
                 .map_or(onto.factor, |before| before.record.scaled);
             // The surface comes first. Made while the points and their votes are in memory, it
             // would need more memory.
-            let sources = Sources {
+            let inputs = FusionInputs {
                 store: &store,
                 root: &root,
                 project: &project,
                 request: &request,
             };
             let (voxel, no_surface) =
-                match sources.make_surface(version, before.as_ref(), &context.progress)? {
+                match inputs.make_surface(version, before.as_ref(), &context.progress)? {
                     Made::Surface { voxel } => (Some(voxel), None),
                     Made::Nothing(why) => (None, why),
                 };
-            let (mut fused, settings) = make(&sources, before.as_ref(), &onto, &context.progress)?;
+            let (mut fused, settings) = make(&inputs, before.as_ref(), &onto, &context.progress)?;
             fused.report.warnings.extend(no_surface);
             context.progress.stage("save")?;
             save_ply(
@@ -127,12 +127,12 @@ impl Session {
 
 /// Returns the labelled points, and a text that describes how they were made.
 fn make(
-    sources: &Sources<'_>,
+    inputs: &FusionInputs<'_>,
     before: Option<&ReusableVotes>,
     onto: &OntoScale,
     progress: &Progress,
 ) -> Result<(Fused, String)> {
-    let project = sources.project;
+    let project = inputs.project;
     let masks = |frame: usize| {
         project
             .mask_in_play(frame)
@@ -140,7 +140,7 @@ fn make(
     };
     let views = ProjectViews {
         frames: &project.frames,
-        store: sources.store,
+        store: inputs.store,
         masks: &masks,
     };
     if let Some(before) = before
@@ -148,21 +148,21 @@ fn make(
     {
         return Ok((fused, before.record.settings.clone()));
     }
-    let mut fused = make_points(sources, &views, onto, progress)?;
+    let mut fused = make_points(inputs, &views, onto, progress)?;
     fused.cloud.origin = project.origin;
-    let settings = settings(sources.request, &fused, stereo_version(project).is_some());
+    let settings = settings(inputs.request, &fused, stereo_version(project).is_some());
     Ok((fused, settings))
 }
 
 fn make_points(
-    sources: &Sources<'_>,
+    inputs: &FusionInputs<'_>,
     views: &ProjectViews<'_>,
     scale: &OntoScale,
     progress: &Progress,
 ) -> Result<Fused> {
-    let Sources {
+    let FusionInputs {
         project, request, ..
-    } = *sources;
+    } = *inputs;
     let (min_confidence, drop_unlabelled) = (
         request.min_confidence.unwrap_or(0.0),
         request.drop_unlabelled,
@@ -190,7 +190,7 @@ fn make_points(
         return Ok(fused);
     }
     if let Some(version) = stereo_version(project) {
-        let (cloud, voxel, unreadable) = dense_cloud(sources, version, progress)?;
+        let (cloud, voxel, unreadable) = dense_cloud(inputs, version, progress)?;
         let (points, seen) = cloud.into_points();
         let mut fused = vote_seen(points, &seen, &vote, progress)?;
         fused.report.voxel = voxel.unwrap_or_default();
@@ -282,12 +282,12 @@ fn has_stale_depths(project: &Project) -> bool {
 /// Also returns the voxel size to which they were thinned, and a warning about frames that cannot
 /// be read.
 fn dense_cloud(
-    sources: &Sources<'_>,
+    inputs: &FusionInputs<'_>,
     version: u64,
     progress: &Progress,
 ) -> Result<(DenseCloud, Option<f64>, Option<String>)> {
-    let frames = &sources.project.frames;
-    let folder = DepthFolder::new(sources.root, version, frames).scaled(frames);
+    let frames = &inputs.project.frames;
+    let folder = DepthFolder::new(inputs.root, version, frames).scaled(frames);
     let account = folder.load_account()?;
     // A frame that lost its camera since gives no points.
     let is_posed = |frame: usize| {
@@ -312,7 +312,7 @@ fn dense_cloud(
     };
     let (cloud, unreadable) = fuse_depths(
         &request,
-        sources.store,
+        inputs.store,
         &folder,
         &FusionOptions::default(),
         progress,
@@ -321,7 +321,7 @@ fn dense_cloud(
         !cloud.is_empty(),
         "the depth maps do not agree on any point; check them, and reconstruct with more images"
     );
-    let (cloud, voxel) = match sources.request.voxel {
+    let (cloud, voxel) = match inputs.request.voxel {
         Some(voxel) => (cloud.thinned(voxel)?, Some(voxel)),
         None => cloud.thinned_to(STEREO_POINTS, progress)?,
     };

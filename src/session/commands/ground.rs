@@ -6,7 +6,9 @@ use anyhow::{Result, ensure};
 use super::prompt::unread_depth;
 use crate::Event;
 use crate::engine_table::EngineId;
-use crate::{FoundThing, GroundRequest, Grounding, PromptRequest, Session, TakeRequest, engines};
+use crate::{
+    FindByTextRequest, FoundThing, Grounding, PromptRequest, Session, TakeRequest, engines,
+};
 use crate::{JobCompletion, JobKind};
 use ostra_core::job::JobId;
 use ostra_masks::{Label, LabelId, LabelTree, Prompt, PxBox};
@@ -16,7 +18,7 @@ use ostra_project::{Edit, Project};
 
 impl Session {
     /// Finds objects by text and offers them, without changing the project.
-    pub(crate) fn ground(&mut self, request: &GroundRequest) -> Result<JobId> {
+    pub(crate) fn ground(&mut self, request: &FindByTextRequest) -> Result<JobId> {
         let project = self.snapshot()?;
         let frame = project.frame(request.frame)?.clone();
         ensure!(

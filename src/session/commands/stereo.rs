@@ -26,8 +26,8 @@ use ostra_reconstruct::sfm::{
     CachedExtractor, CachedMatcher, FeatureCache, FeatureExtractor, Sift, undistort_mask,
 };
 use ostra_reconstruct::stereo::{
-    DepthStore, Engine, SparseOptions, SparseRequest, StereoError, StereoOptions, StereoRequest,
-    ViewOutcome, estimate_depths, sparse_from_cameras,
+    DepthStore, SparseOptions, SparseRequest, StereoEngine, StereoError, StereoOptions,
+    StereoRequest, ViewOutcome, estimate_depths, sparse_from_cameras,
 };
 
 /// Inputs of stereo.
@@ -85,7 +85,7 @@ pub(super) fn make_depths(work: StereoWork, context: &JobContext<Session>) -> Re
         max_side: options.max_side,
         sink: context,
     };
-    let estimate = |engine: &Engine| estimate(&run, &shown, engine, &context.progress);
+    let estimate = |engine: &StereoEngine| estimate(&run, &shown, engine, &context.progress);
     let mut of_device = Vec::new();
     let (engine, outcomes) = on_device(request.device, &mut of_device, estimate)?;
     let mut warnings = views_without_depth(&project.frames, &outcomes);
@@ -155,8 +155,8 @@ impl Session {
 fn on_device(
     device: DeviceId,
     warnings: &mut Vec<String>,
-    estimate: impl Fn(&Engine) -> Result<BTreeMap<usize, ViewOutcome>>,
-) -> Result<(Engine, BTreeMap<usize, ViewOutcome>)> {
+    estimate: impl Fn(&StereoEngine) -> Result<BTreeMap<usize, ViewOutcome>>,
+) -> Result<(StereoEngine, BTreeMap<usize, ViewOutcome>)> {
     let engine = engine(device, warnings)?;
     let outcomes = estimate(&engine);
     let failure = outcomes
@@ -167,7 +167,7 @@ fn on_device(
     match failure {
         Some(why) => {
             warnings.push(format!("what was left was done on the processor: {why}"));
-            Ok((Engine::Cpu, estimate(&Engine::Cpu)?))
+            Ok((StereoEngine::Cpu, estimate(&StereoEngine::Cpu)?))
         }
         None => Ok((engine, outcomes?)),
     }
@@ -178,17 +178,17 @@ fn on_device(
 /// # Errors
 ///
 /// Returns an error if the device is `gpu` and there is neither a GPU nor a software substitute.
-fn engine(device: DeviceId, warnings: &mut Vec<String>) -> Result<Engine> {
+fn engine(device: DeviceId, warnings: &mut Vec<String>) -> Result<StereoEngine> {
     match device {
-        DeviceId::Cpu => Ok(Engine::Cpu),
-        DeviceId::Gpu => Ok(Engine::on(Device::open(Software::Allowed)?.into())?),
+        DeviceId::Cpu => Ok(StereoEngine::Cpu),
+        DeviceId::Gpu => Ok(StereoEngine::on(Device::open(Software::Allowed)?.into())?),
         DeviceId::Auto => Ok(Device::open(Software::Refused)
-            .and_then(|device| Engine::on(device.into()))
+            .and_then(|device| StereoEngine::on(device.into()))
             .unwrap_or_else(|error| {
                 if !matches!(error, GpuError::NoAdapter | GpuError::SoftwareOnly { .. }) {
                     warnings.push(format!("depths were made on the processor: {error}"));
                 }
-                Engine::Cpu
+                StereoEngine::Cpu
             })),
     }
 }
@@ -283,7 +283,7 @@ struct StereoRun<'a> {
 fn estimate(
     run: &StereoRun<'_>,
     depths: &dyn DepthStore,
-    engine: &Engine,
+    engine: &StereoEngine,
     progress: &Progress,
 ) -> Result<BTreeMap<usize, ViewOutcome>> {
     let project = run.project;
@@ -377,7 +377,12 @@ fn sparse_points(run: &StereoRun<'_>, progress: &Progress) -> Result<SparsePoint
     Ok(sparse)
 }
 
-fn settings(views: &[usize], made: &[bool], options: &StereoOptions, engine: &Engine) -> String {
+fn settings(
+    views: &[usize],
+    made: &[bool],
+    options: &StereoOptions,
+    engine: &StereoEngine,
+) -> String {
     let done = made.iter().filter(|&&made| made).count();
     let side = options.max_side;
     format!(

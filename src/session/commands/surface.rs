@@ -26,8 +26,8 @@ const BLOCKS_PER_CELL: f64 = 2.0;
 /// Factor for the voxel size if a surface still needs more than twice that memory.
 const COARSER: f64 = 1.5;
 
-/// Inputs of a surface.
-pub(super) struct Sources<'a> {
+/// Inputs of a fusion: of its surface and of its points.
+pub(super) struct FusionInputs<'a> {
     pub(super) store: &'a FrameStore,
     pub(super) root: &'a Path,
     pub(super) project: &'a Project,
@@ -42,7 +42,7 @@ pub(super) enum Made {
     Nothing(Option<String>),
 }
 
-impl Sources<'_> {
+impl FusionInputs<'_> {
     /// Makes the surface from the frames' depths, labels its vertices by vote, and saves it.
     ///
     /// # Errors

@@ -15,7 +15,7 @@ use ostra_reconstruct::sfm::RegistrationStatus;
 
 /// The sparse reconstruction of the cameras.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct SparseModel {
+pub struct SparseReconstruction {
     /// Points, and the keypoints that see them.
     pub points: SparsePoints,
     /// RegistrationStatus of each frame, by frame number.
@@ -27,7 +27,7 @@ pub struct SparseModel {
     shared: BTreeMap<usize, BTreeMap<usize, usize>>,
 }
 
-impl SparseModel {
+impl SparseReconstruction {
     /// Creates the model from points, outcomes of the frames, and links between them.
     #[must_use]
     pub fn new(
@@ -120,10 +120,13 @@ impl QueryKey for SparseKey {
 /// # Errors
 ///
 /// Returns an error if a file is damaged.
-pub(crate) fn load_sparse_model(snapshot: &Snapshot, key: &SparseKey) -> Result<SparseModel> {
+pub(crate) fn load_sparse_model(
+    snapshot: &Snapshot,
+    key: &SparseKey,
+) -> Result<SparseReconstruction> {
     let points = read_sparse(&snapshot.root, &snapshot.project)?;
     let folder = sparse_path(&snapshot.root, key.version);
-    Ok(SparseModel::new(
+    Ok(SparseReconstruction::new(
         points,
         load_outcomes(&folder)?,
         load_links(&folder)?,
@@ -151,7 +154,7 @@ mod tests {
             (1, vec![keypoint(3.0, None), keypoint(4.0, Some(0))]),
             (5, vec![keypoint(5.0, Some(1)), keypoint(6.0, Some(0))]),
         ]);
-        let model = SparseModel::new(
+        let model = SparseReconstruction::new(
             SparsePoints {
                 points: vec![point; 2],
                 keypoints,

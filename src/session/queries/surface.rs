@@ -12,7 +12,7 @@ use ostra_project::voted_cloud::{NOT_KEPT, read_votes_on, relabelled_mesh};
 
 /// A surface of a result that can be drawn besides its points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Surface {
+pub enum SurfaceKind {
     /// The mesh, where every triangle has one label.
     Mesh,
     /// The outer faces of the voxels that contain points, at the voxel size of the mesh.
@@ -51,7 +51,7 @@ pub(crate) fn load_mesh(
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct SurfaceKey {
     pub(crate) cloud: CloudState,
-    pub(crate) surface: Surface,
+    pub(crate) surface: SurfaceKind,
     /// Voxel size in world units.
     pub(crate) voxel: f64,
 }
@@ -93,7 +93,7 @@ pub(crate) fn make_surface(
     } = snapshot;
     let version = key.cloud.version;
     match key.surface {
-        Surface::Mesh => {
+        SurfaceKind::Mesh => {
             let mesh = read_mesh(&mesh_path(root, version), progress).context(NOT_KEPT)?;
             let path = mesh_votes_path(root, version);
             let votes = read_votes_on(&path, mesh.vertices.len(), &project.frames);
@@ -103,7 +103,7 @@ pub(crate) fn make_surface(
             };
             Ok(mesh.split_at_labels())
         }
-        Surface::Voxels => {
+        SurfaceKind::Voxels => {
             let voted = snapshot.voted_cloud(version, progress)?;
             let voxels = voxelize(&voted.cloud, Some(&voted.votes), key.voxel)?;
             Ok(voxel_faces(&voxels, key.voxel))

@@ -46,7 +46,7 @@ fn file_names_are_unique() {
     let mut names: Vec<String> = catalogue
         .entries()
         .iter()
-        .flat_map(super::super::Entry::file_names)
+        .flat_map(super::super::CatalogueEntry::file_names)
         .collect();
     let count = names.len();
     names.sort();
@@ -79,7 +79,7 @@ fn known_digests_match_the_files() {
     let files = catalogue
         .entries()
         .iter()
-        .flat_map(super::super::Entry::files);
+        .flat_map(super::super::CatalogueEntry::files);
     let known: Vec<_> = files.filter(|file| file.sha256.is_some()).collect();
     assert_eq!(known.len(), 5);
     for file in known.iter().filter(|file| folder.join(&file.name).exists()) {
@@ -98,7 +98,7 @@ fn files_with_an_address_have_a_digest_and_size() {
     for file in catalogue
         .entries()
         .iter()
-        .flat_map(super::super::Entry::files)
+        .flat_map(super::super::CatalogueEntry::files)
         .filter(|file| file.url.is_some())
     {
         let digest = file.sha256.as_deref().unwrap_or_default();

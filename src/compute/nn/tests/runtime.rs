@@ -7,7 +7,7 @@ use super::super::{
     take_fall_backs,
 };
 use super::{networks, ready};
-use crate::nn::runtime::{Place, library_name, places};
+use crate::nn::runtime::{RuntimeLocation, library_name, places};
 
 /// Runs one ignored test of this module in its own process.
 ///
@@ -35,19 +35,19 @@ fn alone(test: &str, library: Option<&OsStr>, data: &Path) {
 fn named_library_is_tried_before_the_installed_and_the_systems_one() {
     let scratch = tempfile::tempdir().unwrap();
     let own = scratch.path().join(library_name());
-    let system = Place::System(PathBuf::from(library_name()));
+    let system = RuntimeLocation::System(PathBuf::from(library_name()));
     assert_eq!(places(None, Some(scratch.path()))[0], system);
     std::fs::write(&own, "").unwrap();
     let found = places(Some(PathBuf::new()), Some(scratch.path()));
     assert_eq!(
         found[..2],
-        [Place::File(own), system],
+        [RuntimeLocation::File(own), system],
         "an empty variable names nothing"
     );
     let named = PathBuf::from("/somewhere/libonnxruntime.so");
     assert_eq!(
         places(Some(named.clone()), Some(scratch.path())),
-        [Place::Named(named)]
+        [RuntimeLocation::Named(named)]
     );
 }
 

@@ -1,7 +1,7 @@
 use glam::{DVec2, DVec3};
 
 use super::scene::{cameras, dome};
-use crate::blocks::{BLOCK, Column};
+use crate::blocks::{BLOCK, Column6};
 use crate::bundle::layout::Layout;
 use crate::bundle::layout::Observation;
 use crate::bundle::state::CameraState;
@@ -44,7 +44,7 @@ fn difference(
     unknown: usize,
 ) -> DVec2 {
     let residual = |by: f64| {
-        let mut step: Vec<Column> = vec![[0.0; BLOCK]; layout.len()];
+        let mut step: Vec<Column6> = vec![[0.0; BLOCK]; layout.len()];
         step[unknown / BLOCK][unknown % BLOCK] = by;
         state
             .moved(layout, &step)

@@ -2,7 +2,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::scene::{Noise, blur, disturb, dome, pinhole};
 use crate::Distortion;
-use crate::blocks::{BLOCK, Column, Skyline, conjugate_gradients};
+use crate::blocks::{BLOCK, Column6, Skyline, conjugate_gradients};
 use crate::bundle::adjust::CandidateStep;
 use crate::bundle::arrange::arrange;
 use crate::bundle::layout::{Layout, PointBlock};
@@ -43,7 +43,7 @@ fn without_elimination(
             for observation in &point_block.observations[point_block.observations_of(p)] {
                 let observed = state.observe(point, observation).unwrap();
                 let mut rows: Vec<(usize, [f64; 2])> = Vec::new();
-                let mut push = |at: usize, [x, y]: [Column; 2]| {
+                let mut push = |at: usize, [x, y]: [Column6; 2]| {
                     rows.extend((0..BLOCK).map(|i| (at * BLOCK + i, [x[i], y[i]])));
                 };
                 if let Some(block) = layout.poses[observation.image as usize] {
@@ -151,7 +151,7 @@ fn skyline_solves_like_a_dense_matrix() {
             *block = std::array::from_fn(|c| std::array::from_fn(|r| dense[at(r, c)]));
         }
     }
-    let right: Vec<Column> = first
+    let right: Vec<Column6> = first
         .iter()
         .map(|_| std::array::from_fn(|_| noise.normal()))
         .collect();
@@ -184,7 +184,7 @@ fn conjugate_gradients_gain_as_much_as_factorisation() {
     normal.build(&point_blocks, &layout, &state, 1e-4);
     let near = conjugate_gradients(&normal.matrix, &normal.right).unwrap();
     let exact = normal.solve().unwrap();
-    let mut fall = |step: &[Column]| {
+    let mut fall = |step: &[Column6]| {
         let moved = state.moved(&layout, step);
         let candidate = CandidateStep {
             layout: &layout,

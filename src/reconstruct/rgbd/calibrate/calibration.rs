@@ -6,9 +6,9 @@ use glam::{Vec2, Vec3};
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
 
-use super::pairs::{Pair, Recording, Shared};
+use super::pairs::{AlignedPair, Recording, Shared};
 use super::parallax::{Matrix, Parallax, UNKNOWNS, Vector};
-use crate::rgbd::pyramid::{LEVELS, Level};
+use crate::rgbd::pyramid::{LEVELS, PyramidLevel};
 use ostra_core::job::{Progress, Stopped};
 use ostra_core::statistics::upper_median;
 use ostra_frames::{DepthCamera, DepthSource, Frame, FrameStore};
@@ -156,15 +156,21 @@ fn parallax(recording: &Recording<'_>, progress: &Progress) -> Result<Option<Par
     if pairs.len() < LEAST_PAIRS {
         return Ok(None);
     }
-    let all: Vec<&Pair> = pairs.iter().collect();
+    let all: Vec<&AlignedPair> = pairs.iter().collect();
     let (found, covariance) = fit(&all);
-    let halves = [0, 1].map(|odd| pairs.iter().skip(odd).step_by(2).collect::<Vec<&Pair>>());
+    let halves = [0, 1].map(|odd| {
+        pairs
+            .iter()
+            .skip(odd)
+            .step_by(2)
+            .collect::<Vec<&AlignedPair>>()
+    });
     let of_half = halves.each_ref().map(|half| fit(half).0);
-    let is_better = |pairs: &[&Pair], parallax: &Parallax| {
+    let is_better = |pairs: &[&AlignedPair], parallax: &Parallax| {
         let [with, without] = errors(pairs, parallax);
         with < BETTER * without
     };
-    let typical = pairs.iter().map(Pair::typical_depth).sum::<f32>() / pairs.len() as f32;
+    let typical = pairs.iter().map(AlignedPair::typical_depth).sum::<f32>() / pairs.len() as f32;
     let apart = |a: &Parallax, b: &Parallax| a.apart(b, &recording.camera, typical);
     let size = apart(&found, &Parallax::default());
     let agree = apart(&of_half[0], &of_half[1]) < AGREE * size;
@@ -219,7 +225,7 @@ const LEAST_SPREAD: f32 = 4e-3;
 /// Gauss–Newton steps on brightness, coarse to fine. Without information it stays at the prior.
 /// Also returns the covariance of its unknowns, by the pixels used.
 #[must_use]
-pub fn fit(pairs: &[&Pair]) -> (Parallax, Matrix) {
+pub fn fit(pairs: &[&AlignedPair]) -> (Parallax, Matrix) {
     let usual = Vector::from(USUAL);
     let held = usual.map(|spread| spread.powi(-2));
     let mut unknowns = Vector::zeros();
@@ -229,9 +235,10 @@ pub fn fit(pairs: &[&Pair]) -> (Parallax, Matrix) {
         let shared: Vec<Vec<Shared>> = pairs.par_iter().map(|pair| pair.shared(level)).collect();
         for _ in 0..STEPS {
             let at = parallax(&unknowns);
-            let of_pair =
-                |(pair, shared): (&&Pair, &Vec<Shared>)| Sums::of(pair, shared, level, &at);
-            let sums: Vec<Sums> = pairs.par_iter().zip(&shared).map(of_pair).collect();
+            let of_pair = |(pair, shared): (&&AlignedPair, &Vec<Shared>)| {
+                CalibrationSums::of(pair, shared, level, &at)
+            };
+            let sums: Vec<CalibrationSums> = pairs.par_iter().zip(&shared).map(of_pair).collect();
             let hessian = sums
                 .iter()
                 .fold(Matrix::from_diagonal(&held), |all, one| all + one.hessian);
@@ -257,8 +264,8 @@ pub fn fit(pairs: &[&Pair]) -> (Parallax, Matrix) {
 /// The difference is relative to the standard deviation of luma, over the points that are seen
 /// under both. A pair that loses more than half of them counts as no better.
 #[must_use]
-pub fn errors(pairs: &[&Pair], parallax: &Parallax) -> [f64; 2] {
-    let of_pair = |pair: &&Pair| {
+pub fn errors(pairs: &[&AlignedPair], parallax: &Parallax) -> [f64; 2] {
+    let of_pair = |pair: &&AlignedPair| {
         let shared = pair.shared(LEVEL);
         let reported = |shared: &Shared, parallax: &Parallax| {
             let luma = |view: usize| seen(pair, LEVEL, shared, view, parallax).map(|seen| seen.0);
@@ -301,13 +308,13 @@ fn unlikeness(points: &[[f32; 2]]) -> f64 {
 /// Returns luma where a view of a pair sees a point, with its slope on the plane at depth 1; `None`
 /// if it does not see it.
 fn seen(
-    pair: &Pair,
+    pair: &AlignedPair,
     level: usize,
     shared: &Shared,
     view: usize,
     parallax: &Parallax,
 ) -> Option<(f32, Vec2)> {
-    let level: &Level = &pair.views[view].levels[level];
+    let level: &PyramidLevel = &pair.views[view].levels[level];
     let at_px = parallax.project(shared[view]) * level.focal + level.principal;
     level
         .grey_at(at_px)
@@ -315,18 +322,18 @@ fn seen(
 }
 
 /// Sums over the points of a pair.
-struct Sums {
+struct CalibrationSums {
     hessian: Matrix,
     gradient: Vector,
 }
 
-impl Sums {
+impl CalibrationSums {
     /// Computes the sums of one pair.
     ///
     /// A pair is weighted by its own spread and difference in brightness. Its pose may be slightly
     /// off, the more so the less the depth constrains it. Otherwise the error of the pose would be
     /// taken for parallax, and for a certain one.
-    fn of(pair: &Pair, shared: &[Shared], level: usize, parallax: &Parallax) -> Self {
+    fn of(pair: &AlignedPair, shared: &[Shared], level: usize, parallax: &Parallax) -> Self {
         let turn = pair.turn_of_image();
         let reported = |shared: &Shared| {
             let seen = |view: usize| seen(pair, level, shared, view, parallax);
@@ -384,7 +391,7 @@ impl Sums {
 }
 
 /// Returns how strongly depth constrains the pose of a pair.
-fn held(pair: &Pair) -> PoseMatrix {
+fn held(pair: &AlignedPair) -> PoseMatrix {
     let laid_off = LAID_OFF * f64::from(pair.typical_depth());
     let reported = PoseMatrix::from_fn(|row, column| pair.information()[row][column]);
     reported / (laid_off * laid_off) + PoseMatrix::identity() * LEAST_HELD

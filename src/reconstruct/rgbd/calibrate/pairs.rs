@@ -4,9 +4,9 @@ use glam::{Mat2, Vec3};
 use rayon::prelude::*;
 
 use crate::rgbd::align::Aligned;
-use crate::rgbd::link::{Start, align_and_check};
-use crate::rgbd::pyramid::{Level, Pyramid};
-use crate::rgbd::view::View;
+use crate::rgbd::link::{PoseGuess, align_and_check};
+use crate::rgbd::pyramid::{Pyramid, PyramidLevel};
+use crate::rgbd::rgbd_image::RgbdImage;
 use ostra_core::job::{Progress, Stopped};
 use ostra_frames::{Frame, FrameStore};
 use ostra_geometry::{Camera, Isometry, Pose, is_same_depth};
@@ -19,7 +19,7 @@ const GAPS: [usize; 3] = [8, 4, 1];
 const SAME: f32 = 0.02;
 
 /// Two views whose depths were aligned.
-pub struct Pair {
+pub struct AlignedPair {
     /// Both, the source first.
     pub views: [Pyramid; 2],
     aligned: Aligned,
@@ -40,17 +40,21 @@ pub struct Recording<'a> {
 /// A point that both views of a pair see, in the axes of each.
 pub type Shared = [Vec3; 2];
 
-impl Pair {
+impl AlignedPair {
     /// Aligns the depths of two views.
     ///
     /// Images only give the initial pose: where they are not aligned with their depths, they would
     /// pull the pose off.
-    fn of(views: [&View; 2]) -> Option<Self> {
+    fn of(views: [&RgbdImage; 2]) -> Option<Self> {
         let blind = views.map(|view| Pyramid::new(&view.without_image()));
         let views = views.map(Pyramid::new);
-        let (guess, _) = align_and_check(views.each_ref(), &[(Pose::IDENTITY, Start::Far)]).ok()?;
-        let (aligned, _) =
-            align_and_check(blind.each_ref(), &[(guess.target_from_source, Start::Near)]).ok()?;
+        let (guess, _) =
+            align_and_check(views.each_ref(), &[(Pose::IDENTITY, PoseGuess::Far)]).ok()?;
+        let (aligned, _) = align_and_check(
+            blind.each_ref(),
+            &[(guess.target_from_source, PoseGuess::Near)],
+        )
+        .ok()?;
         Some(Self { views, aligned })
     }
 
@@ -87,7 +91,7 @@ impl Pair {
     }
 }
 
-fn meets(target: &Level, point: Vec3) -> bool {
+fn meets(target: &PyramidLevel, point: Vec3) -> bool {
     let Some(at_px) = target.project(point) else {
         return false;
     };
@@ -100,7 +104,7 @@ impl Recording<'_> {
     ///
     /// # Errors
     /// If stopped.
-    pub fn pairs(&self, progress: &Progress) -> Result<Vec<Pair>, Stopped> {
+    pub fn pairs(&self, progress: &Progress) -> Result<Vec<AlignedPair>, Stopped> {
         let done = AtomicUsize::new(0);
         let count = PAIRS.min(self.numbers.len());
         let from = |at: usize| {
@@ -111,10 +115,10 @@ impl Recording<'_> {
             let mut gaps = GAPS
                 .into_iter()
                 .filter_map(|gap| self.view(*self.numbers.get(at + gap)?));
-            Ok(gaps.find_map(|target| Pair::of([&source, &target])))
+            Ok(gaps.find_map(|target| AlignedPair::of([&source, &target])))
         };
         let firsts: Vec<usize> = (0..count).map(|k| k * self.numbers.len() / count).collect();
-        let pairs: Vec<Option<Pair>> = firsts
+        let pairs: Vec<Option<AlignedPair>> = firsts
             .into_par_iter()
             .map(from)
             .collect::<Result<_, Stopped>>()?;
@@ -122,7 +126,7 @@ impl Recording<'_> {
     }
 
     /// Returns the registration's view of a frame; `None` if it cannot be read, which registration reports.
-    fn view(&self, frame: usize) -> Option<View> {
+    fn view(&self, frame: usize) -> Option<RgbdImage> {
         let frame = &self.frames[frame];
         let (image, depth) = (
             self.store.image(frame).ok()?,
@@ -130,6 +134,6 @@ impl Recording<'_> {
         );
         let size = (self.camera.width, self.camera.height);
         let fits = (image.width, image.height) == size && (depth.width, depth.height) == size;
-        fits.then(|| View::new(&image, &depth, &self.camera))
+        fits.then(|| RgbdImage::new(&image, &depth, &self.camera))
     }
 }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::fpfh::DescribedCloud;
 use super::matching;
-use super::pairs::{Pairs, align};
+use super::pairs::{PointPairs, align};
 use ostra_cloud::SceneError;
 use ostra_core::job::Progress;
 use ostra_geometry::Pose;
@@ -99,7 +99,7 @@ pub fn register_globally(
     }
     let matches = matching::mutual(&source.descriptors, &target.descriptors, progress)?;
     let distance = AGREEING * f64::from(source.voxel);
-    let pairs = Pairs::new(source, target, &matches, distance);
+    let pairs = PointPairs::new(source, target, &matches, distance);
     let least = options
         .min_agreeing
         .max((options.min_share * matches.len() as f64).ceil() as usize)
@@ -122,7 +122,7 @@ pub fn register_globally(
 }
 
 /// Fits the pose again to the pairs that agree with it, as long as that reduces the cost.
-fn settled(pairs: &Pairs, mut pose: Pose) -> Pose {
+fn settled(pairs: &PointPairs, mut pose: Pose) -> Pose {
     let mut cost = pairs.cost(&pose, f64::INFINITY);
     for _ in 0..REFINEMENTS {
         let Some(refined) = pairs.refined(&pose) else {
@@ -154,7 +154,7 @@ const STEPS: usize = 4;
 /// whose edges have the same lengths in both clouds. The kernel, as wide as the clouds at first,
 /// narrows in steps down to `distance`. The pose of each step is solved in closed form, so
 /// rotations of any size are found.
-fn fast(pairs: &Pairs, distance: f64, seed: u64) -> Option<Pose> {
+fn fast(pairs: &PointPairs, distance: f64, seed: u64) -> Option<Pose> {
     let chosen = tuples(pairs, seed);
     let diameter = [0, 1]
         .map(|end| 2.0 * reach(&chosen, end))
@@ -176,7 +176,7 @@ fn fast(pairs: &Pairs, distance: f64, seed: u64) -> Option<Pose> {
 }
 
 /// Returns matched points of random tuples that fit together.
-fn tuples(pairs: &Pairs, seed: u64) -> Vec<[DVec3; 2]> {
+fn tuples(pairs: &PointPairs, seed: u64) -> Vec<[DVec3; 2]> {
     let (count, mut random) = (pairs.points.len(), Pcg64Mcg::seed_from_u64(seed));
     let mut chosen = Vec::new();
     if count < 3 {
@@ -216,7 +216,7 @@ const CONFIDENCE: f64 = 0.999;
 /// Samples are three matches whose edges have the same lengths in both clouds (M. A. Fischler, R.
 /// C. Bolles, *Random sample consensus*, CACM 1981; the check of edges: A. G. Buch et al., *Pose
 /// estimation using local structure-specific shape and appearance context*, ICRA 2013).
-pub fn sampled(pairs: &Pairs, min_agreeing: usize, seed: u64) -> Option<Pose> {
+pub fn sampled(pairs: &PointPairs, min_agreeing: usize, seed: u64) -> Option<Pose> {
     let options = RansacOptions {
         confidence: CONFIDENCE,
         max_iterations: MAX_ITERATIONS,
@@ -227,7 +227,7 @@ pub fn sampled(pairs: &Pairs, min_agreeing: usize, seed: u64) -> Option<Pose> {
     consensus(pairs, &options).map(|found| found.model)
 }
 
-impl Estimator for Pairs {
+impl Estimator for PointPairs {
     type Model = Pose;
     const SAMPLE: usize = 3;
 

@@ -1,7 +1,7 @@
 use glam::{DQuat, DVec3};
 use nalgebra::{Matrix6, Vector6};
 
-use super::levels::{Level, Partner};
+use super::levels::{IcpLevel, Partner};
 use ostra_core::job::{Progress, Stopped};
 use ostra_core::statistics::upper_median;
 use ostra_geometry::Pose;
@@ -18,8 +18,8 @@ const LAST_SHIFT: f64 = 1e-3;
 /// made: only noise constrains them.
 const HELD: f64 = 1e-3;
 
-/// Derivative of a residual by a motion in [`Extent`]'s units, and the residual.
-type Row = (Vector6<f64>, f64);
+/// Derivative of a residual by a motion in [`PartnerExtent`]'s units, and the residual.
+type IcpResidual = (Vector6<f64>, f64);
 
 /// Runs iterative closest point on one level.
 ///
@@ -30,7 +30,7 @@ type Row = (Vector6<f64>, f64);
 /// as along a wall, is not made (J. Zhang, M. Kaess, S. Singh, *On degeneracy of optimization-based
 /// state estimation problems*, ICRA 2016).
 pub fn iterate(
-    level: &Level,
+    level: &IcpLevel,
     start: Pose,
     iterations: usize,
     lambda: f64,
@@ -40,7 +40,7 @@ pub fn iterate(
     let mut seen = Vec::new();
     for _ in 0..iterations {
         let partners = level.partners(&pose, &mut seen, progress)?;
-        let extent = Extent::new(&partners);
+        let extent = PartnerExtent::new(&partners);
         let delta = step(level, &partners, &extent, lambda);
         pose = extent.motion(&delta).compose(&pose);
         let [turn, shift] = [
@@ -58,13 +58,13 @@ pub fn iterate(
 ///
 /// In its units a motion is a rotation about their middle, expressed as the shift at their typical
 /// distance from it, followed by a shift.
-pub struct Extent {
+pub struct PartnerExtent {
     middle: DVec3,
     /// Root mean square distance from the middle; above 0.
     radius: f64,
 }
 
-impl Extent {
+impl PartnerExtent {
     pub fn new(partners: &[Partner]) -> Self {
         let count = partners.len().max(1) as f64;
         let middle = partners.iter().map(|partner| partner.moved).sum::<DVec3>() / count;
@@ -103,8 +103,13 @@ impl Extent {
 }
 
 /// Returns the motion that lowers the cost most.
-fn step(level: &Level, partners: &[Partner], extent: &Extent, lambda: f64) -> Vector6<f64> {
-    let rows = |of: fn(&Level, &Extent, &Partner) -> Row| {
+fn step(
+    level: &IcpLevel,
+    partners: &[Partner],
+    extent: &PartnerExtent,
+    lambda: f64,
+) -> Vector6<f64> {
+    let rows = |of: fn(&IcpLevel, &PartnerExtent, &Partner) -> IcpResidual| {
         weighted(
             partners
                 .iter()
@@ -142,12 +147,12 @@ fn step(level: &Level, partners: &[Partner], extent: &Extent, lambda: f64) -> Ve
     delta
 }
 
-fn distance_row(level: &Level, extent: &Extent, partner: &Partner) -> Row {
+fn distance_row(level: &IcpLevel, extent: &PartnerExtent, partner: &Partner) -> IcpResidual {
     let normal = level.target.normals[partner.target].as_dvec3();
     (extent.along(partner.moved, normal), level.distance(partner))
 }
 
-fn brightness_row(level: &Level, extent: &Extent, partner: &Partner) -> Row {
+fn brightness_row(level: &IcpLevel, extent: &PartnerExtent, partner: &Partner) -> IcpResidual {
     let slope = level.slopes[partner.target].as_dvec3();
     let step = partner.moved - level.target.positions[partner.target].as_dvec3();
     let [there, here] = [
@@ -161,7 +166,7 @@ fn brightness_row(level: &Level, extent: &Extent, partner: &Partner) -> Row {
 }
 
 /// Returns the sums of J Jᵀ and J r.
-fn weighted(rows: Vec<Row>) -> (Matrix6<f64>, Vector6<f64>) {
+fn weighted(rows: Vec<IcpResidual>) -> (Matrix6<f64>, Vector6<f64>) {
     let mut errors: Vec<f64> = rows.iter().map(|(_, residual)| residual.abs()).collect();
     let (mut matrix, mut right) = (Matrix6::zeros(), Vector6::zeros());
     let Some(median) = upper_median(&mut errors) else {

@@ -15,7 +15,7 @@ const REACH: f64 = 1.4;
 const CHUNK: usize = 1024;
 
 /// Two clouds thinned to the same voxels, ready for alignment.
-pub struct Level {
+pub struct IcpLevel {
     pub source: OrientedCloud,
     pub target: OrientedCloud,
     /// How the target's brightness changes along its surface; empty if brightness is not used.
@@ -41,7 +41,7 @@ pub struct LastLookup {
     distance: f64,
 }
 
-impl Level {
+impl IcpLevel {
     /// Thins both clouds to `voxel`; `None` without points in the target.
     pub fn new(
         [source, target]: [&OrientedCloud; 2],

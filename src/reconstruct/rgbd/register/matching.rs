@@ -10,11 +10,11 @@ const LANES: usize = 16;
 const CHUNK: usize = 64;
 
 /// Transposed descriptors: a row of `LANES` for each of their values.
-type Block = [[f32; LANES]; SIZE];
+type DescriptorLanes = [[f32; LANES]; SIZE];
 
 /// Two descriptors that are each other's nearest.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Match {
+pub struct DescriptorMatch {
     /// Index in the source's list.
     pub source: u32,
     /// Index in the target's list.
@@ -34,7 +34,7 @@ pub fn mutual(
     source: &[Descriptor],
     target: &[Descriptor],
     progress: &Progress,
-) -> Result<Vec<Match>, Stopped> {
+) -> Result<Vec<DescriptorMatch>, Stopped> {
     let there = nearest(source, &blocks(target), progress)?;
     let mut met: Vec<u32> = there.iter().map(|&(target, _)| target).collect();
     met.sort_unstable();
@@ -44,7 +44,7 @@ pub fn mutual(
         .filter_map(|&index| target.get(index as usize).copied())
         .collect();
     let back = nearest(&queries, &blocks(source), progress)?;
-    let mut matches: Vec<Match> = met
+    let mut matches: Vec<DescriptorMatch> = met
         .iter()
         .zip(back)
         .filter(|&(&target, (source, _))| {
@@ -52,7 +52,7 @@ pub fn mutual(
                 .get(source as usize)
                 .is_some_and(|found| found.0 == target)
         })
-        .map(|(&target, (source, distance))| Match {
+        .map(|(&target, (source, distance))| DescriptorMatch {
             source,
             target,
             distance,
@@ -66,7 +66,7 @@ pub fn mutual(
     Ok(matches)
 }
 
-fn blocks(descriptors: &[Descriptor]) -> Vec<Block> {
+fn blocks(descriptors: &[Descriptor]) -> Vec<DescriptorLanes> {
     let block = |chunk: &[Descriptor]| {
         // Positions without a descriptor are infinitely far.
         let mut block = [[f32::INFINITY; LANES]; SIZE];
@@ -83,7 +83,7 @@ fn blocks(descriptors: &[Descriptor]) -> Vec<Block> {
 /// Returns the nearest of those in blocks to each of `asked`, as (index, squared distance); the earlier of equals.
 fn nearest(
     queries: &[Descriptor],
-    blocks: &[Block],
+    blocks: &[DescriptorLanes],
     progress: &Progress,
 ) -> Result<Vec<(u32, f32)>, Stopped> {
     let arch = Arch::new();
@@ -103,7 +103,7 @@ fn nearest(
 
 struct Nearest<'a> {
     queries: &'a Descriptor,
-    blocks: &'a [Block],
+    blocks: &'a [DescriptorLanes],
 }
 
 impl WithSimd for Nearest<'_> {

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use pulp::Arch;
 
 use super::fpfh::DescribedCloud;
-use super::matching::Match;
+use super::matching::DescriptorMatch;
 use ostra_geometry::Pose;
 use ostra_geometry::ransac::{Cutoff, LANES, within};
 
@@ -57,27 +57,27 @@ pub const SAME_NORMAL: f64 = std::f64::consts::FRAC_1_SQRT_2;
 const NORMAL_TOLERANCE: f64 = 0.35;
 
 /// Matched points of two clouds, most similar first.
-pub struct Pairs {
+pub struct PointPairs {
     /// Source and target point.
     pub points: Vec<[DVec3; 2]>,
     normals: Vec<[DVec3; 2]>,
-    blocks: Vec<Block>,
+    blocks: Vec<PairLanes>,
     limit: f64,
     arch: Arch,
 }
 
 /// Coordinates of source, then target; NaN where there is none.
-type Block = [[f64; LANES]; 6];
+type PairLanes = [[f64; LANES]; 6];
 
-impl Pairs {
+impl PointPairs {
     /// Creates pairs of matched descriptors; pairs agree with a pose within `distance`.
     pub fn new(
         source: &DescribedCloud,
         target: &DescribedCloud,
-        matches: &[Match],
+        matches: &[DescriptorMatch],
         distance: f64,
     ) -> Self {
-        let ends = |one: &Match| [(source, one.source), (target, one.target)];
+        let ends = |one: &DescriptorMatch| [(source, one.source), (target, one.target)];
         let of = |(cloud, place): (&DescribedCloud, u32)| cloud.places[place as usize] as usize;
         let point = |end: (&DescribedCloud, u32)| end.0.cloud.positions[of(end)].as_dvec3();
         let normal = |end: (&DescribedCloud, u32)| end.0.cloud.normals[of(end)].as_dvec3();
@@ -154,7 +154,7 @@ impl Pairs {
     }
 }
 
-fn block(chunk: &[[DVec3; 2]]) -> Block {
+fn block(chunk: &[[DVec3; 2]]) -> PairLanes {
     let mut block = [[f64::NAN; LANES]; 6];
     for (lane, [source, target]) in chunk.iter().enumerate() {
         for (row, value) in block
@@ -168,7 +168,7 @@ fn block(chunk: &[[DVec3; 2]]) -> Block {
 }
 
 #[inline(always)]
-fn errors(rotation: &DMat3, translation: DVec3, block: &Block) -> [f64; LANES] {
+fn errors(rotation: &DMat3, translation: DVec3, block: &PairLanes) -> [f64; LANES] {
     let [columns, shift] = [rotation.to_cols_array_2d(), [translation.to_array(); 3]];
     let mut errors = [0.0; LANES];
     for axis in 0..3 {

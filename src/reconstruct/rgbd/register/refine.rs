@@ -4,8 +4,8 @@ use glam::DVec3;
 use nalgebra::{Matrix6, Vector6};
 use serde::{Deserialize, Serialize};
 
-use super::icp::{Extent, iterate};
-use super::levels::{Level, Partner};
+use super::icp::{PartnerExtent, iterate};
+use super::levels::{IcpLevel, Partner};
 use super::oriented::{OrientedCloud, check_voxel};
 use ostra_cloud::SceneError;
 use ostra_core::job::{Progress, Stopped};
@@ -97,7 +97,7 @@ pub fn refine_registration(
     let with_brightness = options.lambda_geometric < 1.0;
     let mut levels = Vec::new();
     for (share, iterations) in LEVELS {
-        let level = Level::new(
+        let level = IcpLevel::new(
             [source, target],
             share * options.voxel,
             with_brightness,
@@ -121,7 +121,7 @@ pub fn refine_registration(
 }
 
 fn refined(
-    levels: &[(Level, usize)],
+    levels: &[(IcpLevel, usize)],
     start: Pose,
     lambda: f64,
     progress: &Progress,
@@ -178,8 +178,8 @@ pub fn information(partners: &[Partner]) -> [[f64; 6]; 6] {
 ///
 /// It is the mean over partners of the squared cosine between that motion and the one that changes
 /// their point-to-plane distance most, in the units of their extent.
-pub fn observability(level: &Level, partners: &[Partner]) -> f64 {
-    let extent = Extent::new(partners);
+pub fn observability(level: &IcpLevel, partners: &[Partner]) -> f64 {
+    let extent = PartnerExtent::new(partners);
     let mut sum: Matrix6<f64> = Matrix6::zeros();
     for partner in partners {
         let row = extent
@@ -194,7 +194,7 @@ pub fn observability(level: &Level, partners: &[Partner]) -> f64 {
 }
 
 /// Returns the root mean square of the partners' point-to-plane distances.
-pub fn rmse(level: &Level, partners: &[Partner]) -> f64 {
+pub fn rmse(level: &IcpLevel, partners: &[Partner]) -> f64 {
     let squares: f64 = partners
         .iter()
         .map(|partner| level.distance(partner).powi(2))
@@ -203,7 +203,7 @@ pub fn rmse(level: &Level, partners: &[Partner]) -> f64 {
 }
 
 /// Returns Pearson's correlation of the partners' intensities; `None` if those of one cloud are all equal.
-pub fn correlation(level: &Level, partners: &[Partner]) -> Option<f64> {
+pub fn correlation(level: &IcpLevel, partners: &[Partner]) -> Option<f64> {
     let pairs = || {
         let intensity = |partner: &Partner| {
             [

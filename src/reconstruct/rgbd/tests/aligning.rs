@@ -2,15 +2,15 @@ use glam::{DQuat, DVec3};
 
 use super::room::{camera, hand_at, seen};
 use crate::rgbd::align::align;
-use crate::rgbd::link::Agreement;
+use crate::rgbd::link::ViewAgreement;
 use crate::rgbd::pyramid::{LEVELS, Pyramid};
-use crate::rgbd::view::View;
+use crate::rgbd::rgbd_image::RgbdImage;
 use ostra_frames::{DepthMap, Image};
 use ostra_geometry::{Camera, Distortion, Pose};
 
 fn pyramid(pose: &Pose, seed: u64) -> Pyramid {
     let (image, depth) = seen(pose, 0.0015, seed);
-    Pyramid::new(&View::new(&image, &depth, &camera()))
+    Pyramid::new(&RgbdImage::new(&image, &depth, &camera()))
 }
 
 fn errors(found: &Pose, truth: &Pose) -> (f64, f64) {
@@ -32,7 +32,7 @@ fn neighbouring_views_are_aligned_without_a_guess() {
         let found = align(&source, &target, &Pose::IDENTITY, LEVELS - 1).unwrap();
         let (turn, shift) = errors(&found.target_from_source, &truth);
         assert!(turn < 0.1 && shift < 0.004, "{k}: {turn} deg, {shift} m");
-        let agreement = Agreement::of(&source, &target, &found.target_from_source);
+        let agreement = ViewAgreement::of(&source, &target, &found.target_from_source);
         assert!(
             agreement.overlap > 0.6 && agreement.consistent > 0.98 && agreement.likeness > 0.9,
             "{agreement:?}"
@@ -54,7 +54,7 @@ fn wrong_pose_lowers_the_agreement() {
             translation: shift,
         }
         .compose(&truth);
-        let wrong = Agreement::of(&source, &target, &off);
+        let wrong = ViewAgreement::of(&source, &target, &off);
         assert!(wrong.consistent < 0.85 || wrong.likeness < 0.5, "{wrong:?}");
     }
 }
@@ -74,7 +74,7 @@ fn information_shows_what_a_bare_wall_leaves_open() {
         height: camera.height,
         depths: vec![2.0; pixels],
     };
-    let wall = Pyramid::new(&View::new(&image, &depth, &camera));
+    let wall = Pyramid::new(&RgbdImage::new(&image, &depth, &camera));
     let found = align(&wall, &wall, &Pose::IDENTITY, LEVELS - 1).unwrap();
     let [along, against] = [3, 5].map(|axis| found.information[axis][axis]);
     assert!(against > 0.5 && along < 1e-3 * against, "{along} {against}");
@@ -103,7 +103,7 @@ fn view_is_small_and_undistorted_and_keeps_depth() {
         height: 960,
         pixels: vec![[255, 0, 0]; 1280 * 960],
     };
-    let view = View::new(&image, &depth, &bent);
+    let view = RgbdImage::new(&image, &depth, &bent);
     assert_eq!(
         (
             view.camera.width,

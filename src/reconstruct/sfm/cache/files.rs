@@ -32,7 +32,7 @@ const SAVE_EVERY: Duration = Duration::from_secs(2);
 pub struct FeatureCache {
     folder: PathBuf,
     budget_bytes: u64,
-    pairs: Mutex<Pairs>,
+    pairs: Mutex<PairCache>,
     /// Why nothing more is written.
     failure: Mutex<Option<String>>,
     found: Counts,
@@ -40,7 +40,7 @@ pub struct FeatureCache {
 }
 
 #[derive(Debug, Default)]
-struct Pairs {
+struct PairCache {
     known: FxHashMap<Key, Matches>,
     /// Keys of the entries that are not on the disk yet.
     unsaved: Vec<Key>,
@@ -69,9 +69,9 @@ impl FeatureCache {
         Self {
             folder,
             budget_bytes,
-            pairs: Mutex::new(Pairs {
+            pairs: Mutex::new(PairCache {
                 known,
-                ..Pairs::default()
+                ..PairCache::default()
             }),
             failure: Mutex::default(),
             found: Counts::default(),
@@ -153,7 +153,7 @@ impl FeatureCache {
         }
     }
 
-    fn save_pairs(&self, pairs: &mut Pairs) {
+    fn save_pairs(&self, pairs: &mut PairCache) {
         let unsaved = std::mem::take(&mut pairs.unsaved);
         let Some(first) = unsaved.iter().min() else {
             return;

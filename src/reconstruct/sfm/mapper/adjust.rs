@@ -2,7 +2,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 
 use super::state::Mapper;
-use crate::sfm::{IntrinsicsSource, KeypointId};
+use crate::sfm::{IntrinsicsPrior, KeypointId};
 use ostra_core::job::Stopped;
 use ostra_geometry::Distortion;
 use ostra_geometry::bundle::{
@@ -298,7 +298,7 @@ impl Mapper<'_> {
                 .filter(|&image| self.problem.images[image as usize].camera == camera)
         };
         let all_free = own().all(|image| free.contains(&image));
-        let given = self.problem.cameras[camera].source == IntrinsicsSource::Given;
+        let given = self.problem.cameras[camera].source == IntrinsicsPrior::Given;
         let placed = self.model.placed().count();
         if given || !all_free || placed < REFINE_FROM_IMAGES {
             return Refine::NOTHING;

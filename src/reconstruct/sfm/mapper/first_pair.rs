@@ -9,7 +9,7 @@ use ostra_geometry::{Pose, TwoViewKind};
 
 /// How a model was started.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Start {
+pub enum ModelStart {
     /// From images with given poses.
     Given,
     /// From two images.
@@ -52,7 +52,7 @@ impl Mapper<'_> {
     ///
     /// # Errors
     /// [`Stopped`]; `Ok(None)` if no pair is good enough.
-    pub fn start_from_pair(&mut self) -> Result<Option<Start>, Stopped> {
+    pub fn start_from_pair(&mut self) -> Result<Option<ModelStart>, Stopped> {
         let problem = self.problem;
         let mut tried = BTreeSet::new();
         for required in RELAXED.map(|(matches, parallax)| relaxed(self.options, matches, parallax))
@@ -68,7 +68,7 @@ impl Mapper<'_> {
                 if self.try_pair(pair, required)? {
                     let (images, matches, parallax) =
                         (pair.images, pair.matches.len(), pair.parallax);
-                    return Ok(Some(Start::Pair {
+                    return Ok(Some(ModelStart::Pair {
                         images,
                         matches,
                         parallax,

@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use glam::DVec2;
 
 use super::MapperOptions;
-use super::first_pair::Start;
+use super::first_pair::ModelStart;
 use super::register::Refusal;
 use super::state::Mapper;
-use crate::sfm::{Correspondences, IntrinsicsSource, MapProblem, SparseModel};
+use crate::sfm::{Correspondences, IntrinsicsPrior, MapProblem, SparseModel};
 use ostra_core::job::{Progress, Stopped};
 
 /// One model, and why images that match something in it are not part of it.
@@ -17,7 +17,7 @@ pub struct Mapped {
     /// The model.
     pub model: SparseModel,
     /// How it was started.
-    pub start: Start,
+    pub start: ModelStart,
     /// Images that were tried and refused.
     pub refused: BTreeMap<u32, Refusal>,
     /// Whether the run was stopped before every image had been tried.
@@ -63,7 +63,7 @@ pub fn map(
     }
     models.sort_by_key(|mapped| {
         (
-            mapped.start != Start::Given,
+            mapped.start != ModelStart::Given,
             std::cmp::Reverse(mapped.model.placed().count()),
         )
     });
@@ -102,7 +102,7 @@ impl Growth<'_> {
         let unknown = problem
             .cameras
             .iter()
-            .any(|camera| camera.source == IntrinsicsSource::Guessed);
+            .any(|camera| camera.source == IntrinsicsPrior::Guessed);
         let mut best: Option<Mapped> = None;
         for factor in FOCAL_FACTORS {
             let grown = match self.one_model(closed, factor) {
@@ -141,7 +141,7 @@ impl Growth<'_> {
         let mut mapper = Mapper::new(problem, links, options, progress);
         mapper.closed = closed.to_vec();
         for (camera, known) in problem.cameras.iter().enumerate() {
-            if known.source == IntrinsicsSource::Guessed && factor != 1.0 {
+            if known.source == IntrinsicsPrior::Guessed && factor != 1.0 {
                 mapper.model.cameras[camera].focal_px *= DVec2::splat(factor);
                 mapper.cast_rays(camera);
             }
@@ -157,7 +157,7 @@ impl Growth<'_> {
             None => mapper.start_from_pair()?,
         };
         let Some(start) = start else { return Ok(None) };
-        if let Start::Pair { images, .. } = start {
+        if let ModelStart::Pair { images, .. } = start {
             for image in images {
                 mapper.focal_known[problem.images[image as usize].camera] = true;
             }
@@ -188,7 +188,7 @@ impl Mapper<'_> {
     ///
     /// # Errors
     /// [`Stopped`]
-    pub fn start_from_given(&mut self) -> Result<Option<Start>, Stopped> {
+    pub fn start_from_given(&mut self) -> Result<Option<ModelStart>, Stopped> {
         let problem = self.problem;
         let given = || {
             problem
@@ -206,7 +206,7 @@ impl Mapper<'_> {
             self.triangulate_image(image);
         }
         self.adjust_all()?;
-        Ok(Some(Start::Given))
+        Ok(Some(ModelStart::Given))
     }
 
     /// Places one image after the other until none can be placed; returns why the remaining ones were refused.

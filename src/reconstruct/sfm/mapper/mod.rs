@@ -13,7 +13,7 @@ mod state;
 mod tests;
 mod triangulate;
 
-pub use first_pair::{FirstPairRequirement, Start};
+pub use first_pair::{FirstPairRequirement, ModelStart};
 pub use grow::{Mapped, map};
 pub use register::Refusal;
 pub use state::MapperOptions;

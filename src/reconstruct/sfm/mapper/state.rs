@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 
 use crate::sfm::{
-    Correspondences, IntrinsicsSource, KeypointId, MapProblem, ModelPoint, SparseModel,
+    Correspondences, IntrinsicsPrior, KeypointId, MapProblem, ModelPoint, SparseModel,
 };
 use ostra_core::job::Progress;
 use ostra_geometry::{Pose, RayObservation};
@@ -95,7 +95,7 @@ impl<'a> Mapper<'a> {
             focal_known: problem
                 .cameras
                 .iter()
-                .map(|camera| camera.source != IntrinsicsSource::Guessed)
+                .map(|camera| camera.source != IntrinsicsPrior::Guessed)
                 .collect(),
             straight: vec![false; problem.cameras.len()],
             rays: vec![Vec::new(); problem.images.len()],

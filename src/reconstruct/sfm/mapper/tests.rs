@@ -2,8 +2,8 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::{Mapped, MapperOptions, Start, map};
-use crate::sfm::{IntrinsicsSource, MapCamera, MapImage, MapProblem, VerifiedPair};
+use super::{Mapped, MapperOptions, ModelStart, map};
+use crate::sfm::{IntrinsicsPrior, MapCamera, MapImage, MapProblem, VerifiedPair};
 use ostra_core::job::Progress;
 use ostra_geometry::{
     Alignment, Camera, Distortion, Pose, TrajectoryMetrics, TwoViewOptions, estimate_two_view,
@@ -100,7 +100,7 @@ impl Made {
             .collect();
         let cameras = vec![MapCamera {
             intrinsics: camera,
-            source: IntrinsicsSource::Given,
+            source: IntrinsicsPrior::Given,
         }];
         let mut made = Self {
             problem: MapProblem {
@@ -158,7 +158,7 @@ impl Made {
             .map(|&[i, j]| [at(images[0], i), at(images[1], j)])
             .collect();
         let camera = &self.problem.cameras[0];
-        let calibrated = camera.source == IntrinsicsSource::Given;
+        let calibrated = camera.source == IntrinsicsPrior::Given;
         let both = [&camera.intrinsics, &camera.intrinsics];
         let found = estimate_two_view(both, calibrated, &at_px, &TwoViewOptions::default())?;
         Some(VerifiedPair {
@@ -222,7 +222,7 @@ fn unknown_focal_length_is_found() {
         };
         made.problem.cameras = vec![MapCamera {
             intrinsics,
-            source: IntrinsicsSource::Guessed,
+            source: IntrinsicsPrior::Guessed,
         }];
         made.problem.pairs.clear();
         made.match_window(&RING, &mut Pcg64Mcg::seed_from_u64(1));
@@ -273,7 +273,7 @@ fn given_poses_stay_and_the_rest_is_placed_relative_to_them() {
         image.given = Some(*truth);
     }
     let models = made.map();
-    assert_eq!(models[0].start, Start::Given);
+    assert_eq!(models[0].start, ModelStart::Given);
     let poses = &models[0].model.poses;
     assert!(
         poses

@@ -122,12 +122,12 @@ const EXHAUSTIVE: usize = 512;
 
 /// The descriptors of one image by cell.
 #[derive(Debug)]
-pub(super) struct Cells {
+pub(super) struct DescriptorCells {
     /// Members by cell, as a first and as a second image.
     members: [Vec<Vec<u32>>; 2],
 }
 
-impl Cells {
+impl DescriptorCells {
     /// Sorts descriptors into cells around centres that all images share; a single cell if there are few.
     pub fn of_set<T: Value>(images: &[&[T]], dim: usize) -> Vec<Self> {
         let most = images
@@ -238,7 +238,7 @@ impl Ranking {
 ///
 /// For every descriptor of both images it finds the match in the other one.
 pub(super) struct Comparison<'a, T> {
-    pub cells: [&'a Cells; 2],
+    pub cells: [&'a DescriptorCells; 2],
     pub values: [&'a [T]; 2],
     pub dim: usize,
     pub rule: Rule,

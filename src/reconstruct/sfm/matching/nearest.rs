@@ -1,6 +1,6 @@
 use pulp::Arch;
 
-use super::cells::{Cells, Comparison, Rule};
+use super::cells::{Comparison, DescriptorCells, Rule};
 use super::centres::Value;
 use crate::sfm::{Descriptors, FeatureError, FeatureMatcher, Features, PairMatches};
 
@@ -44,7 +44,7 @@ impl NearestMatcher {
 
     /// Matches pairs of images that all have descriptors of `T`; an empty image has none.
     fn of_values<'a, T: Value + 'a>(&self, images: Vec<&'a [T]>, dim: usize) -> PairMatches<'a> {
-        let (cells, rule) = (Cells::of_set(&images, dim), self.rule);
+        let (cells, rule) = (DescriptorCells::of_set(&images, dim), self.rule);
         Box::new(move |first, second| {
             let values = [images[first], images[second]];
             let cells = [&cells[first], &cells[second]];

@@ -10,32 +10,14 @@ use image::{ImageBuffer, Luma};
 use crate::sfm::sift::Content;
 use crate::sfm::{Descriptors, FeatureError, Features};
 use ostra_compute::nn::{Network, NnError, Tensor, load};
-
-/// Size of an image in pixels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ImageSize {
-    /// Columns.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-}
-
-impl ImageSize {
-    /// Returns the size with each side changed by a function.
-    fn map(self, change: impl Fn(usize) -> usize) -> Self {
-        Self {
-            width: change(self.width),
-            height: change(self.height),
-        }
-    }
-}
+use ostra_core::image::ImageSize;
 
 /// An image as a network takes it.
 ///
 /// Large images are shrunk. The last column and row are repeated up to a multiple that the network
 /// requires.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Prepared {
+pub struct PreparedImage {
     /// Grey values row by row, 0–1.
     pub grey: Vec<f32>,
     /// Columns, including the repeated ones.
@@ -48,7 +30,7 @@ pub struct Prepared {
     pub original_from_here: DVec2,
 }
 
-impl Prepared {
+impl PreparedImage {
     /// Prepares a grey image so that its longer side has at most `max_side` pixels and both sides
     /// are multiples of `multiple`.
     #[must_use]
@@ -97,7 +79,7 @@ fn padded(grey: &[f32], from: ImageSize, to: ImageSize) -> Vec<f32> {
 }
 
 /// A keypoint in a prepared image.
-pub struct Found {
+pub struct DetectedKeypoint {
     /// In pixels of the prepared image.
     pub at: DVec2,
     /// Confidence of the network, 0–1.
@@ -109,7 +91,7 @@ pub struct NetworkImage<'a> {
     /// Its size.
     pub size: ImageSize,
     /// The image as the network sees it.
-    pub shown: Prepared,
+    pub shown: PreparedImage,
     allowed: Option<&'a [bool]>,
     content: Content,
 }
@@ -125,7 +107,7 @@ impl<'a> NetworkImage<'a> {
         max_side: usize,
         multiple: usize,
     ) -> Self {
-        let shown = Prepared::new(grey, size, max_side, multiple);
+        let shown = PreparedImage::new(grey, size, max_side, multiple);
         Self {
             size,
             shown,
@@ -140,12 +122,12 @@ impl<'a> NetworkImage<'a> {
     /// bar.
     pub fn strongest(
         &self,
-        found: impl Iterator<Item = Found>,
+        found: impl Iterator<Item = DetectedKeypoint>,
         most: usize,
         around: f32,
-    ) -> Vec<Found> {
+    ) -> Vec<DetectedKeypoint> {
         let around = around * self.shown.original_from_here.max_element() as f32;
-        let mut found: Vec<Found> = found
+        let mut found: Vec<DetectedKeypoint> = found
             .filter(|found| self.allows(found.at, around))
             .collect();
         found.sort_by(|a, b| b.score.total_cmp(&a.score));
@@ -168,7 +150,7 @@ impl<'a> NetworkImage<'a> {
     /// position in the prepared image.
     pub fn features(
         &self,
-        found: &[Found],
+        found: &[DetectedKeypoint],
         dim: usize,
         describe: impl Fn(DVec2, &mut [f32]),
     ) -> Features {

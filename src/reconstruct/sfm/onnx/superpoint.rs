@@ -3,9 +3,10 @@ use std::path::Path;
 use glam::DVec2;
 
 use super::heat::{CELL, Heat, Sampled, normalise};
-use super::keypoints::{Found, ImageSize, NetworkImage, load_only};
+use super::keypoints::{DetectedKeypoint, NetworkImage, load_only};
 use crate::sfm::{FeatureError, FeatureExtractor, Features};
 use ostra_compute::nn::{Network, NnError};
+use ostra_core::image::ImageSize;
 
 /// Options of [`SuperPoint`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,7 +82,7 @@ impl SuperPoint {
     }
 
     /// Returns the keypoints in the part of the heat that shows the image.
-    fn found(&self, heat: &Heat, unpadded: ImageSize) -> Vec<Found> {
+    fn found(&self, heat: &Heat, unpadded: ImageSize) -> Vec<DetectedKeypoint> {
         let ImageSize { width, height } = unpadded;
         let peaks = heat.separate(width, height, self.options.least_heat, self.options.radius);
         let is_inside =
@@ -90,7 +91,7 @@ impl SuperPoint {
         peaks
             .into_iter()
             .filter(is_inside)
-            .map(|peak| Found {
+            .map(|peak| DetectedKeypoint {
                 at: at(peak),
                 score: heat.at(peak.0, peak.1),
             })

@@ -1,9 +1,10 @@
 use std::path::Path;
 
 use super::heat::{CELL, Heat, Sampled, normalise};
-use super::keypoints::{Found, ImageSize, NetworkImage, load_only};
+use super::keypoints::{DetectedKeypoint, NetworkImage, load_only};
 use crate::sfm::{FeatureError, FeatureExtractor, Features};
 use ostra_compute::nn::{Network, NnError};
+use ostra_core::image::ImageSize;
 
 /// Options of [`XFeat`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -92,7 +93,7 @@ impl FeatureExtractor for XFeat {
             let at = heat.refined(x, y);
             let mut confidence = [0.0];
             reliability.read(at, &mut confidence);
-            Found {
+            DetectedKeypoint {
                 at,
                 score: heat.at(x, y) * confidence[0],
             }

@@ -28,7 +28,7 @@ const LARGEST: f32 = 0.2;
 const MOST_ROWS: usize = 256;
 
 /// Sums per row of cells, cell and direction.
-type Cells = [[[f32; DIRECTIONS]; CELLS]; CELLS];
+type CellHistograms = [[[f32; DIRECTIONS]; CELLS]; CELLS];
 
 /// Computes descriptors: gradients on a grid rotated and scaled with the keypoint, in 4 × 4 cells × 8 directions.
 ///
@@ -108,10 +108,10 @@ struct Gather<'a> {
 }
 
 impl WithSimd for Gather<'_> {
-    type Output = Cells;
+    type Output = CellHistograms;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> Cells {
+    fn with_simd<S: Simd>(self, _: S) -> CellHistograms {
         let mut cells = [[[0.0; DIRECTIONS]; CELLS]; CELLS];
         for (around, down) in self.grid.windows(3).zip(self.weights) {
             let row = sum_row(around, self.weights);

@@ -44,7 +44,7 @@ pub(super) fn find_extrema(
             });
             if y > first {
                 let differences = &differences;
-                arch.dispatch(Scan {
+                arch.dispatch(RowScan {
                     differences,
                     at,
                     y: y - 1,
@@ -85,7 +85,7 @@ impl WithSimd for Subtract<'_> {
 }
 
 /// Finds extrema of row `y` in the tile from column `at` on.
-struct Scan<'a> {
+struct RowScan<'a> {
     differences: &'a [Differences],
     at: usize,
     y: usize,
@@ -94,7 +94,7 @@ struct Scan<'a> {
     found: &'a mut Vec<Candidate>,
 }
 
-impl WithSimd for Scan<'_> {
+impl WithSimd for RowScan<'_> {
     type Output = ();
 
     #[inline(always)]

@@ -39,7 +39,7 @@ pub(super) fn refine(
 ) -> Option<Extremum> {
     let mut at = candidate;
     for move_on in (0..MOST_MOVES).rev() {
-        let fit = Fit::at(levels, at);
+        let fit = TaylorExpansion::at(levels, at);
         let offset = fit.peak()?;
         let next = moved(levels, at, offset);
         if next != at && move_on > 0 {
@@ -129,13 +129,13 @@ fn moved(levels: &[Rows], at: Candidate, offset: Vec3) -> Candidate {
 }
 
 /// Value and derivatives of the differences at a sample, in x, y and scale.
-struct Fit {
+struct TaylorExpansion {
     value: f32,
     slope: Vec3,
     curvature: Mat3,
 }
 
-impl Fit {
+impl TaylorExpansion {
     fn at(levels: &[Rows], at: Candidate) -> Self {
         let sample = |dx: isize, dy: isize, ds: isize| {
             let level = at.level.wrapping_add_signed(ds);

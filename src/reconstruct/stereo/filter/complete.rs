@@ -1,7 +1,9 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::consistency::{Agreement, Match, Neighbour, PixelPoint, Surface};
+use super::consistency::{
+    ConsistentPixel, DepthAgreement, Neighbour, NeighbourSurface, PixelPoint,
+};
 use super::snap::SnapOptions;
 use crate::stereo::DepthEstimate;
 use crate::stereo::patchmatch::{PosedImage, Texture};
@@ -36,7 +38,7 @@ pub struct FilterOptions {
     /// First step: borders move to changes of colour.
     pub snap: SnapOptions,
     /// When another view agrees.
-    pub agreement: Agreement,
+    pub agreement: DepthAgreement,
     /// Number of other views that must agree, at least 1; all of them if there are fewer.
     pub min_agreeing: usize,
     /// Minimum confidence, 0–1.
@@ -55,7 +57,7 @@ impl Default for FilterOptions {
     fn default() -> Self {
         Self {
             snap: SnapOptions::default(),
-            agreement: Agreement::default(),
+            agreement: DepthAgreement::default(),
             min_agreeing: 2,
             min_confidence: 0.1,
             min_support: 20,
@@ -89,7 +91,7 @@ pub fn completed(
     neighbours: &[Neighbour],
     options: &FilterOptions,
 ) -> DepthEstimate {
-    let view = View {
+    let view = CompletionView {
         own,
         image: &image.levels[0],
         neighbours,
@@ -107,10 +109,11 @@ pub fn completed(
             None
         }
     };
-    let taken: Vec<Option<Surface>> = (0..own.depths.len()).into_par_iter().map(taken).collect();
+    let taken: Vec<Option<NeighbourSurface>> =
+        (0..own.depths.len()).into_par_iter().map(taken).collect();
     let mut completed = own.clone();
     for (at, surface) in taken.into_iter().enumerate() {
-        if let Some(Surface {
+        if let Some(NeighbourSurface {
             inverse_depth,
             normal,
             confidence,
@@ -124,30 +127,30 @@ pub fn completed(
     completed
 }
 
-struct View<'a> {
+struct CompletionView<'a> {
     own: &'a DepthEstimate,
     image: &'a Texture,
     neighbours: &'a [Neighbour],
     options: &'a FilterOptions,
 }
 
-impl View<'_> {
+impl CompletionView<'_> {
     /// Returns the surface that a pixel takes over: the nearest one that enough neighbours agree on
     /// and that fits its colour.
-    fn taken(&self, at: usize, seen: &[Vec<u32>]) -> Option<Surface> {
+    fn taken(&self, at: usize, seen: &[Vec<u32>]) -> Option<NeighbourSurface> {
         let depth = self.own.depths[at];
         let least = if depth > 0.0 {
             1.0 / (depth * (1.0 - self.options.complete.before))
         } else {
             0.0
         };
-        let counts = |surface: &Surface| surface.inverse_depth > least;
+        let counts = |surface: &NeighbourSurface| surface.inverse_depth > least;
         let surfaces = self
             .neighbours
             .iter()
             .zip(seen)
             .filter_map(|(neighbour, seen)| neighbour.surface(seen[at]));
-        let mut surfaces: Vec<Surface> = surfaces.filter(counts).collect();
+        let mut surfaces: Vec<NeighbourSurface> = surfaces.filter(counts).collect();
         if surfaces.is_empty() {
             return None;
         }
@@ -160,7 +163,12 @@ impl View<'_> {
 
     /// Returns a surface on the pixel's own ray, if enough neighbours agree with it and the colours
     /// differ by less than `most`.
-    fn confirmed(&self, at: usize, surface: Surface, most: f32) -> Option<Surface> {
+    fn confirmed(
+        &self,
+        at: usize,
+        surface: NeighbourSurface,
+        most: f32,
+    ) -> Option<NeighbourSurface> {
         let matches = self.matches(at, surface);
         if matches.len() < self.options.min_agreeing.max(MIN_SUPPORT)
             || self.difference(at, &matches) >= most
@@ -170,14 +178,14 @@ impl View<'_> {
         let depths = matches.iter().map(|(_, found)| found.inverse_depth);
         // The nearer of two depths.
         let inverse_depth = upper_median(&mut depths.collect::<Vec<f32>>())?;
-        Some(Surface {
+        Some(NeighbourSurface {
             inverse_depth,
             ..surface
         })
     }
 
     /// Returns what the neighbours show of a surface at a pixel.
-    fn matches(&self, at: usize, surface: Surface) -> Vec<(&Neighbour, Match)> {
+    fn matches(&self, at: usize, surface: NeighbourSurface) -> Vec<(&Neighbour, ConsistentPixel)> {
         let width = self.own.width();
         let point = PixelPoint::new(at, width, surface.inverse_depth, surface.normal);
         let matched = |neighbour| {
@@ -188,8 +196,8 @@ impl View<'_> {
     }
 
     /// Returns the median difference of colour between a pixel and its matches, in squared grey levels.
-    fn difference(&self, at: usize, matches: &[(&Neighbour, Match)]) -> f32 {
-        let of = |(neighbour, found): &(&Neighbour, Match)| {
+    fn difference(&self, at: usize, matches: &[(&Neighbour, ConsistentPixel)]) -> f32 {
+        let of = |(neighbour, found): &(&Neighbour, ConsistentPixel)| {
             neighbour.color_difference(found.pixel, self.image, at)
         };
         let mut differences: Vec<f32> = matches.iter().map(of).collect();
@@ -205,7 +213,7 @@ impl View<'_> {
         if depth <= 0.0 {
             return most;
         }
-        let own = Surface {
+        let own = NeighbourSurface {
             inverse_depth: 1.0 / depth,
             normal: self.own.normal(at),
             confidence: 0,

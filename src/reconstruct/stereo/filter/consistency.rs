@@ -9,7 +9,7 @@ use crate::stereo::patchmatch::{Plane, PosedImage, Raster, Texture, Transfer};
 /// When the depths of two views show the same surface.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Agreement {
+pub struct DepthAgreement {
     /// Maximum difference of depth as a share of it, 0–1.
     pub depth: f32,
     /// Maximum distance after projecting there and back, in pixels of the raster, above 0.
@@ -18,7 +18,7 @@ pub struct Agreement {
     pub normal_cosine: f32,
 }
 
-impl Default for Agreement {
+impl Default for DepthAgreement {
     fn default() -> Self {
         Self {
             depth: 0.01,
@@ -45,7 +45,7 @@ pub struct Neighbour {
 
 /// A neighbour's pixel that sees the same point as a pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Match {
+pub struct ConsistentPixel {
     /// Index of the neighbour's pixel, row by row.
     pub pixel: usize,
     /// Inverse depth of the neighbour's plane along the pixel's own ray.
@@ -76,7 +76,11 @@ impl Neighbour {
     /// The nearest of the four pixels around the projection is tried first, then the others,
     /// because thin parts lie between pixels.
     #[must_use]
-    pub fn matched(&self, point: &PixelPoint, agreement: &Agreement) -> Option<Match> {
+    pub fn matched(
+        &self,
+        point: &PixelPoint,
+        agreement: &DepthAgreement,
+    ) -> Option<ConsistentPixel> {
         let [u, v, z] = self.transfer.apply(point.x, point.y, point.inverse_depth);
         if z <= 0.0 {
             return None;
@@ -127,7 +131,7 @@ impl Neighbour {
 
     /// Returns the surface of one of its pixels in the view; `None` if depth is unknown, and for [`UNSEEN`].
     #[must_use]
-    pub fn surface(&self, pixel: u32) -> Option<Surface> {
+    pub fn surface(&self, pixel: u32) -> Option<NeighbourSurface> {
         let pixel = pixel as usize;
         let depth = self
             .estimate
@@ -137,7 +141,7 @@ impl Neighbour {
             .filter(|&depth| depth > 0.0)?;
         let (_, _, inverse_depth) = self.place(pixel, depth);
         let normal = self.here_from_there * self.estimate.normal(pixel);
-        Some(Surface {
+        Some(NeighbourSurface {
             inverse_depth,
             normal,
             confidence: self.estimate.confidence[pixel],
@@ -168,8 +172,8 @@ impl Neighbour {
         seen: &NeighbourView<'_>,
         column: f32,
         row: f32,
-        agreement: &Agreement,
-    ) -> Option<Match> {
+        agreement: &DepthAgreement,
+    ) -> Option<ConsistentPixel> {
         let (width, height) = (self.estimate.width(), self.estimate.height());
         if column < 0.0 || row < 0.0 || column >= width as f32 || row >= height as f32 {
             return None;
@@ -191,7 +195,7 @@ impl Neighbour {
         let agrees = (ratio - 1.0).abs() <= agreement.depth
             && s * s + t * t <= agreement.reprojection_px * agreement.reprojection_px
             && normal.dot(point.normal) >= agreement.normal_cosine;
-        agrees.then(|| Match {
+        agrees.then(|| ConsistentPixel {
             pixel,
             inverse_depth: point.inverse_depth / ratio,
             normal,
@@ -201,7 +205,7 @@ impl Neighbour {
 
 /// A neighbour's surface as a view sees it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Surface {
+pub struct NeighbourSurface {
     /// Inverse depth; below 0 if behind the view.
     pub inverse_depth: f32,
     /// Normal in the view's camera space.

@@ -10,6 +10,8 @@ mod depth_filter;
 mod snap;
 
 pub use complete::{CompleteOptions, FilterOptions, completed};
-pub use consistency::{Agreement, Match, Neighbour, PixelPoint, Surface, UNSEEN};
+pub use consistency::{
+    ConsistentPixel, DepthAgreement, Neighbour, NeighbourSurface, PixelPoint, UNSEEN,
+};
 pub use depth_filter::filter;
 pub use snap::{SnapOptions, snapped};

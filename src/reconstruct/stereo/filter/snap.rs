@@ -57,12 +57,12 @@ pub fn snapped(estimate: &DepthEstimate, image: &Texture, options: &SnapOptions)
 
 /// How well the colours of a surface's pixels fit.
 #[derive(Default)]
-struct Fit {
+struct ColorFit {
     sum: f32,
     pixels: f32,
 }
 
-impl Fit {
+impl ColorFit {
     fn add(&mut self, weight: f32) {
         self.sum += weight;
         self.pixels += 1.0;
@@ -102,7 +102,7 @@ fn better(
     let (best, _) = elsewhere
         .map(|to| (to, alike(to)))
         .reduce(|a, b| if b.1 > a.1 { b } else { a })?;
-    let (mut here, mut there) = (Fit::default(), Fit::default());
+    let (mut here, mut there) = (ColorFit::default(), ColorFit::default());
     for to in others() {
         if same(estimate.depths[to], own) {
             here.add(alike(to));

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::cloud::{Contributor, DenseCloud, FusedView};
-use crate::stereo::filter::{Agreement, Match, Neighbour, PixelPoint};
+use crate::stereo::filter::{ConsistentPixel, DepthAgreement, Neighbour, PixelPoint};
 use crate::stereo::patchmatch::{PosedImage, Raster, Tones};
 use crate::stereo::raster::{raster_camera, raster_image};
 use crate::stereo::{DepthEstimate, DepthStore, Stage, StereoError};
@@ -102,7 +102,7 @@ enum ViewInput {
     /// Its image or depth cannot be read.
     Unreadable,
     /// All of it was read.
-    Read(View),
+    Read(FusionView),
 }
 
 impl<'a> Fusion<'a> {
@@ -164,7 +164,7 @@ impl<'a> Fusion<'a> {
         let Some(colors) = readable(colors)? else {
             return Ok(ViewInput::Unreadable);
         };
-        Ok(ViewInput::Read(View {
+        Ok(ViewInput::Read(FusionView {
             place,
             estimate,
             colors,
@@ -233,7 +233,7 @@ fn connected(neighbours: &BTreeMap<usize, Vec<usize>>, number: usize) -> Vec<usi
 }
 
 /// A view that creates points.
-struct View {
+struct FusionView {
     place: usize,
     estimate: Arc<DepthEstimate>,
     colors: Image,
@@ -241,10 +241,10 @@ struct View {
     world_from_camera: Mat3,
     centre: Vec3,
     others: Vec<(usize, Neighbour)>,
-    agreement: Agreement,
+    agreement: DepthAgreement,
 }
 
-impl View {
+impl FusionView {
     /// Rows of pixels are matched in parallel; points are created one after the other.
     fn add_points(
         &self,
@@ -258,7 +258,7 @@ impl View {
         for first in (0..height).step_by(ROWS) {
             progress.check()?;
             let pixels = first * width..(first + ROWS).min(height) * width;
-            let matched: Vec<Vec<(usize, Match)>> = pixels
+            let matched: Vec<Vec<(usize, ConsistentPixel)>> = pixels
                 .clone()
                 .into_par_iter()
                 .map(|at| {
@@ -287,7 +287,7 @@ impl View {
         Ok(())
     }
 
-    fn matches(&self, at: usize) -> Vec<(usize, Match)> {
+    fn matches(&self, at: usize) -> Vec<(usize, ConsistentPixel)> {
         let depth = self.estimate.depths[at];
         if depth <= 0.0 {
             return Vec::new();
@@ -300,7 +300,7 @@ impl View {
         self.others.iter().filter_map(found).collect()
     }
 
-    fn add_point(&self, cloud: &mut DenseCloud, at: usize, matches: &[(usize, Match)]) {
+    fn add_point(&self, cloud: &mut DenseCloud, at: usize, matches: &[(usize, ConsistentPixel)]) {
         let width = self.estimate.width();
         let own = 1.0 / self.estimate.depths[at];
         let others = matches.iter().map(|(_, found)| found.inverse_depth);
@@ -337,7 +337,7 @@ impl View {
 #[serde(default)]
 pub struct FusionOptions {
     /// When pixels of two views see the same point.
-    pub agreement: Agreement,
+    pub agreement: DepthAgreement,
     /// Pixels per point, each of another view and including its own, at least 1; the number of
     /// views if there are fewer.
     pub min_pixels: usize,
@@ -346,7 +346,7 @@ pub struct FusionOptions {
 impl Default for FusionOptions {
     fn default() -> Self {
         Self {
-            agreement: Agreement::default(),
+            agreement: DepthAgreement::default(),
             min_pixels: 3,
         }
     }

@@ -2,7 +2,9 @@ use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::stereo::patchmatch::{Level, MAX_SOURCES, Source, SweepState, Transfer, constants};
+use crate::stereo::patchmatch::{
+    LevelSource, MAX_SOURCES, SearchLevel, SweepState, Transfer, constants,
+};
 
 /// Taps of the window, four to a vector.
 const QUARTERS: usize = constants::TAPS / 4;
@@ -121,7 +123,7 @@ impl SizesData {
 
 impl LevelData {
     /// Collects the input of the passes except images and fields; `firsts` holds the first texel of each source.
-    pub fn new(level: &Level<'_>, firsts: &[usize]) -> Self {
+    pub fn new(level: &SearchLevel<'_>, firsts: &[usize]) -> Self {
         let mut sources = [SourceData::zeroed(); MAX_SOURCES];
         for ((data, source), &first) in sources.iter_mut().zip(&level.sources).zip(firsts) {
             *data = SourceData::new(source, first);
@@ -157,7 +159,7 @@ impl LevelData {
 }
 
 impl SourceData {
-    fn new(source: &Source, first: usize) -> Self {
+    fn new(source: &LevelSource, first: usize) -> Self {
         Self {
             there: columns(&source.transfer),
             back: source
@@ -183,7 +185,7 @@ impl TurnData {
     }
 
     /// Describes some rows of one colour in an iteration.
-    pub fn new(level: &Level<'_>, turn: SweepState, color: u32, rows: Range<u32>) -> Self {
+    pub fn new(level: &SearchLevel<'_>, turn: SweepState, color: u32, rows: Range<u32>) -> Self {
         let changes = turn.changes(level);
         Self {
             visit: 2 * turn.visit + color,

@@ -8,8 +8,8 @@ use super::field_buffers::{DeviceField, packed, unpacked};
 use super::kernels::Kernels;
 use crate::stereo::StereoError;
 use crate::stereo::patchmatch::{
-    Field, Level, Passes, PatchMatchOptions, PlaneMap, Processor, Round, Search, SweepState,
-    search, search_consistent,
+    DepthSearch, Field, Passes, PatchMatchOptions, PlaneMap, Processor, Round, SearchLevel,
+    SweepState, search, search_consistent,
 };
 use ostra_compute::gpu::{Device, GpuError, Pieces, WorkSize};
 use ostra_core::job::Progress;
@@ -40,7 +40,11 @@ impl Passes for CardPasses<'_> {
     type Field = DeviceField;
     type Error = StereoError;
 
-    fn begin(&mut self, level: &Level<'_>, hypotheses: Field) -> Result<DeviceField, StereoError> {
+    fn begin(
+        &mut self,
+        level: &SearchLevel<'_>,
+        hypotheses: Field,
+    ) -> Result<DeviceField, StereoError> {
         let field = DeviceField::new(self.kernels, level)?;
         self.kernels
             .device
@@ -50,7 +54,7 @@ impl Passes for CardPasses<'_> {
 
     fn finer(
         &mut self,
-        level: &Level<'_>,
+        level: &SearchLevel<'_>,
         coarser: &DeviceField,
     ) -> Result<DeviceField, StereoError> {
         let Kernels {
@@ -73,7 +77,7 @@ impl Passes for CardPasses<'_> {
 
     fn score(
         &mut self,
-        _: &Level<'_>,
+        _: &SearchLevel<'_>,
         field: &mut DeviceField,
         progress: &Progress,
     ) -> Result<(), StereoError> {
@@ -86,7 +90,7 @@ impl Passes for CardPasses<'_> {
 
     fn sweep(
         &mut self,
-        level: &Level<'_>,
+        level: &SearchLevel<'_>,
         field: &mut DeviceField,
         turn: SweepState,
         progress: &Progress,
@@ -159,7 +163,7 @@ const MOST_AT_ONCE: usize = 4;
 
 /// The device that PatchMatch runs on.
 #[derive(Debug, Clone, Default)]
-pub enum Engine {
+pub enum StereoEngine {
     /// All cores of the processor.
     #[default]
     Cpu,
@@ -167,7 +171,7 @@ pub enum Engine {
     Gpu(Arc<Kernels>),
 }
 
-impl Engine {
+impl StereoEngine {
     /// Compiles the programs for a device; takes up to seconds.
     ///
     /// # Errors
@@ -206,7 +210,7 @@ impl Engine {
     /// [`StereoError::Stopped`], [`StereoError::Gpu`].
     pub fn search(
         &self,
-        task: &Search<'_>,
+        task: &DepthSearch<'_>,
         options: &PatchMatchOptions,
         progress: &Progress,
     ) -> Result<PlaneMap, StereoError> {
@@ -222,7 +226,7 @@ impl Engine {
     /// [`StereoError::Stopped`], [`StereoError::Gpu`].
     pub fn search_consistent(
         &self,
-        task: &Search<'_>,
+        task: &DepthSearch<'_>,
         round: &Round<'_>,
         options: &PatchMatchOptions,
         progress: &Progress,

@@ -1,6 +1,6 @@
 use super::data::{LevelData, TurnData};
 use super::kernels::Kernels;
-use crate::stereo::patchmatch::{Color, Field, Level, Plane, PlanePrior};
+use crate::stereo::patchmatch::{Color, Field, Plane, PlanePrior, SearchLevel};
 use ostra_compute::gpu::{Bindings, Buffer, Device, GpuError};
 
 /// A field on the device, bound together with all input of the passes over it.
@@ -21,7 +21,7 @@ impl DeviceField {
     ///
     /// # Errors
     /// [`GpuError`] if the device has too little memory.
-    pub fn new(kernels: &Kernels, level: &Level<'_>) -> Result<Self, GpuError> {
+    pub fn new(kernels: &Kernels, level: &SearchLevel<'_>) -> Result<Self, GpuError> {
         let device = &*kernels.device;
         let (width, height) = (level.image.width, level.image.height);
         let values = device.zeros::<[f32; 4]>("hypotheses", 2 * width.div_ceil(2) * height)?;
@@ -79,7 +79,7 @@ pub fn unpacked(values: &[[f32; 4]], [width, height]: [u32; 2]) -> Field {
 }
 
 /// Uploads the images of all sources, one after the other; also returns the first texel of each.
-fn texels(device: &Device, level: &Level<'_>) -> Result<(Buffer, Vec<usize>), GpuError> {
+fn texels(device: &Device, level: &SearchLevel<'_>) -> Result<(Buffer, Vec<usize>), GpuError> {
     let mut firsts = vec![0];
     for source in &level.sources {
         firsts.push(firsts[firsts.len() - 1] + source.texture.quads.len());
@@ -92,7 +92,7 @@ fn texels(device: &Device, level: &Level<'_>) -> Result<(Buffer, Vec<usize>), Gp
 }
 
 /// Uploads the chroma of the image, then of all sources.
-fn chromas(device: &Device, level: &Level<'_>, firsts: &[usize]) -> Result<Buffer, GpuError> {
+fn chromas(device: &Device, level: &SearchLevel<'_>, firsts: &[usize]) -> Result<Buffer, GpuError> {
     let own = level.image.chroma.len();
     let chromas = device.zeros::<u32>("colours", own + firsts[firsts.len() - 1])?;
     let sources = level
@@ -114,7 +114,7 @@ fn chromas(device: &Device, level: &Level<'_>, firsts: &[usize]) -> Result<Buffe
 /// Returns for each pixel its hint, and flags for being processed (1) and for a known surface (2).
 ///
 /// Empty if all pixels are processed and there are no hints.
-fn guides(level: &Level<'_>) -> Vec<[f32; 4]> {
+fn guides(level: &SearchLevel<'_>) -> Vec<[f32; 4]> {
     if level.allowed.is_none() && level.hints.is_empty() {
         return Vec::new();
     }
@@ -141,7 +141,11 @@ fn guides(level: &Level<'_>) -> Vec<[f32; 4]> {
 /// Uploads the planes found in the sources, each component separately, in the order of the texels.
 ///
 /// Empty if no source has any.
-fn found(device: &Device, level: &Level<'_>, firsts: &[usize]) -> Result<[Buffer; 3], GpuError> {
+fn found(
+    device: &Device,
+    level: &SearchLevel<'_>,
+    firsts: &[usize],
+) -> Result<[Buffer; 3], GpuError> {
     let is_any = level.sources.iter().any(|source| source.found.is_some());
     let count = if is_any { firsts[firsts.len() - 1] } else { 0 };
     let room = || device.zeros::<f32>("depths of the sources", count);

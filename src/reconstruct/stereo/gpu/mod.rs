@@ -12,4 +12,4 @@ mod kernels;
 #[cfg(test)]
 mod tests;
 
-pub use engine::Engine;
+pub use engine::StereoEngine;

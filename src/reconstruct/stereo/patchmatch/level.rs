@@ -6,8 +6,8 @@ use pulp::Simd;
 
 use super::plane::{Color, Hypothesis, Plane, Raster, Transfer, WORST};
 use super::posed_image::{PosedImage, Texture};
-use super::search_input::{PatchMatchOptions, PlaneMap, Search};
-use super::window::{Patch, Window};
+use super::search_input::{DepthSearch, PatchMatchOptions, PlaneMap};
+use super::window::{Patch, SupportWindow};
 use ostra_core::statistics::upper_median;
 
 /// Maximum number of source views.
@@ -15,7 +15,7 @@ pub const MAX_SOURCES: usize = 8;
 
 /// A source view at one level of the pyramid.
 #[derive(Debug, Clone)]
-pub struct Source {
+pub struct LevelSource {
     /// Transfer from the reference to the source.
     pub transfer: Transfer,
     /// Its image.
@@ -47,13 +47,13 @@ const PULL_REACH_PX: f32 = 2.0;
 
 /// All input of the search of one view at one level.
 #[derive(Debug)]
-pub struct Level<'a> {
+pub struct SearchLevel<'a> {
     /// The reference image.
     pub image: Arc<Texture>,
     /// The reference camera at this level.
     pub raster: Raster,
     /// At most [`MAX_SOURCES`].
-    pub sources: Vec<Source>,
+    pub sources: Vec<LevelSource>,
     /// Smallest and largest inverse depth.
     pub range: [f32; 2],
     /// Change of inverse depth that moves the image in a source by about a pixel.
@@ -67,12 +67,12 @@ pub struct Level<'a> {
     /// Its options.
     pub options: &'a PatchMatchOptions,
     /// The window.
-    pub window: &'a Window,
+    pub window: &'a SupportWindow,
     /// The regions around its pixels.
     pub regions: Regions,
 }
 
-impl Level<'_> {
+impl SearchLevel<'_> {
     /// Prepares a pixel's surroundings for comparison.
     #[inline(always)]
     pub fn patch(&self, x: usize, y: usize) -> Patch {
@@ -131,7 +131,7 @@ impl Level<'_> {
         simd: S,
         patch: &Patch,
         hypothesis: Hypothesis,
-        source: &Source,
+        source: &LevelSource,
     ) -> f32 {
         let photometric = patch.cost(
             simd,
@@ -149,7 +149,12 @@ impl Level<'_> {
     }
 
     #[inline(always)]
-    fn geometric_cost(&self, hypothesis: Hypothesis, source: &Source, found: &FoundPlanes) -> f32 {
+    fn geometric_cost(
+        &self,
+        hypothesis: Hypothesis,
+        source: &LevelSource,
+        found: &FoundPlanes,
+    ) -> f32 {
         let error = forward_backward(hypothesis, source, found).unwrap_or(f32::INFINITY);
         self.options.geometric_weight * error.min(self.options.max_geometric_px)
     }
@@ -159,7 +164,11 @@ impl Level<'_> {
 ///
 /// `None` outside the source and where it has no depth.
 #[inline(always)]
-fn forward_backward(hypothesis: Hypothesis, source: &Source, found: &FoundPlanes) -> Option<f32> {
+fn forward_backward(
+    hypothesis: Hypothesis,
+    source: &LevelSource,
+    found: &FoundPlanes,
+) -> Option<f32> {
     let Hypothesis { plane, x, y } = hypothesis;
     let [u, v, z] = source.transfer.apply(x, y, plane.inverse_depth);
     let scale = 1.0 / z;
@@ -190,7 +199,7 @@ const MOST: usize = 11;
 /// Consistency Guided Multi-View Stereo*, CVPR 2019).
 #[derive(Debug, Clone)]
 pub struct Regions {
-    regions: [Vec<Place>; 8],
+    regions: [Vec<RegionPixel>; 8],
     width: usize,
     height: usize,
     /// Maximum reach of a region in columns and rows.
@@ -199,7 +208,7 @@ pub struct Regions {
 
 /// A pixel of a region.
 #[derive(Debug, Clone, Copy)]
-struct Place {
+struct RegionPixel {
     /// Offset in columns and rows.
     offset: (i32, i32),
     /// The same offset among the pixels of a colour, from even and from odd columns.
@@ -215,7 +224,7 @@ impl Regions {
         let half = width.div_ceil(2) as isize;
         let place = |(dx, dy): (i32, i32)| {
             let step = |odd: isize| dy as isize * half + (dx as isize + odd).div_euclid(2);
-            Place {
+            RegionPixel {
                 offset: (dx, dy),
                 steps: [step(0), step(1)],
             }
@@ -244,7 +253,7 @@ impl Regions {
             let (mut best, mut least) = (0, f32::INFINITY);
             for (
                 number,
-                &Place {
+                &RegionPixel {
                     offset: (dx, dy),
                     steps,
                 },
@@ -261,7 +270,7 @@ impl Regions {
                 best = if cost < least { number } else { best };
                 least = least.min(cost);
             }
-            let Place {
+            let RegionPixel {
                 offset: (dx, dy),
                 steps,
             } = self.regions[region][best];
@@ -272,20 +281,20 @@ impl Regions {
 
 /// Prepares a level of the pyramid, 0 = the finest.
 pub fn level<'a>(
-    search: &Search<'_>,
+    search: &DepthSearch<'_>,
     number: usize,
     options: &'a PatchMatchOptions,
-    window: &'a Window,
+    window: &'a SupportWindow,
     allowed: Option<&'a [bool]>,
-) -> Level<'a> {
+) -> SearchLevel<'a> {
     let reference = search.reference;
     let comparable = search
         .sources
         .iter()
         .filter(|source| source.levels.len() > number);
-    let sources: Vec<Source> = comparable
+    let sources: Vec<LevelSource> = comparable
         .take(MAX_SOURCES)
-        .map(|source| Source {
+        .map(|source| LevelSource {
             transfer: reference.transfer(source, number),
             texture: Arc::clone(&source.levels[number]),
             found: None,
@@ -295,7 +304,7 @@ pub fn level<'a>(
     let image = Arc::clone(&reference.levels[number]);
     let centre = [0.5 * image.width as f32, 0.5 * image.height as f32];
     let step = pixel_step(&sources, centre, 0.5 * (near + far));
-    Level {
+    SearchLevel {
         regions: Regions::new(image.width, image.height),
         image,
         raster: reference.raster(number),
@@ -311,13 +320,13 @@ pub fn level<'a>(
 }
 
 /// Returns the change of inverse depth that moves the middle of the image by a pixel in the median source.
-fn pixel_step(sources: &[Source], [x, y]: [f32; 2], w: f32) -> f32 {
+fn pixel_step(sources: &[LevelSource], [x, y]: [f32; 2], w: f32) -> f32 {
     let change = 1e-3 * w;
-    let seen = |source: &Source, w: f32| {
+    let seen = |source: &LevelSource, w: f32| {
         let [u, v, z] = source.transfer.apply(x, y, w);
         [u / z, v / z]
     };
-    let step = |source: &Source| {
+    let step = |source: &LevelSource| {
         let (a, b) = (seen(source, w), seen(source, w + change));
         change / (b[0] - a[0]).hypot(b[1] - a[1]).max(1e-6)
     };

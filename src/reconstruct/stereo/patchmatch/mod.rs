@@ -24,13 +24,13 @@ mod tests;
 mod views;
 mod window;
 
-pub(super) use level::{Level, MAX_SOURCES, PlanePrior, Source};
+pub(super) use level::{LevelSource, MAX_SOURCES, PlanePrior, SearchLevel};
 pub(super) use pixel_update::SweepState;
 pub(super) use plane::{Color, Field};
 pub use plane::{Plane, Raster, Transfer};
 pub use posed_image::{PosedImage, Texture, Tones};
 pub(super) use search::{search, search_consistent};
-pub use search_input::{PatchMatchOptions, PlaneMap, Round, Search};
+pub use search_input::{DepthSearch, PatchMatchOptions, PlaneMap, Round};
 pub(super) use sweep::{Passes, Processor};
 
 /// Constants that `stereo::gpu` shares, so that they are defined once.

@@ -2,7 +2,7 @@ use pulp::Simd;
 
 use super::plane::{Hypothesis, Transfer, WORST};
 use super::posed_image::{ROUNDING, Texture};
-use super::window::{FLAT_VARIANCE, NOISE, PADDED, Patch, TAPS, Window};
+use super::window::{FLAT_VARIANCE, NOISE, PADDED, Patch, SupportWindow, TAPS};
 
 /// The bits of the sum of this and a byte are this number's bits plus the byte.
 const COUNTING: f32 = 8_388_608.0;
@@ -30,7 +30,7 @@ impl Patch {
     pub fn cost<S: Simd>(
         &self,
         simd: S,
-        window: &Window,
+        window: &SupportWindow,
         hypothesis: Hypothesis,
         transfer: &Transfer,
         texture: &Texture,
@@ -45,7 +45,7 @@ impl Patch {
         if !is_inside {
             return WORST;
         }
-        let mut places = Places {
+        let mut places = TapPositions {
             texels: [0; PADDED],
             share_x: [0.0; PADDED],
             share_y: [0.0; PADDED],
@@ -64,7 +64,7 @@ impl Patch {
 
 /// Texels between which the taps lie: the index of the upper left one, and the distance towards the
 /// right and lower one.
-struct Places {
+struct TapPositions {
     texels: [u32; PADDED],
     share_x: [f32; PADDED],
     share_y: [f32; PADDED],
@@ -74,10 +74,10 @@ struct Places {
 #[inline(always)]
 fn locate<S: Simd>(
     simd: S,
-    window: &Window,
+    window: &SupportWindow,
     [at, right, down]: &[[f32; 3]; 3],
     texture: &Texture,
-    places: &mut Places,
+    places: &mut TapPositions,
 ) {
     let (x0, y0, z0) = (
         simd.splat_f32s(at[0]),
@@ -151,7 +151,7 @@ fn correlate<S: Simd>(
     simd: S,
     patch: &Patch,
     quads: &[u32; PADDED],
-    places: &Places,
+    places: &TapPositions,
     chroma_off: f32,
 ) -> f32 {
     let (quads, _) = S::as_simd_u32s(quads);

@@ -2,7 +2,7 @@
 
 use pulp::{NullaryFnOnce, Simd};
 
-use super::level::{Level, MAX_SOURCES};
+use super::level::{MAX_SOURCES, SearchLevel};
 use super::plane::{Color, Hypothesis, Plane, WORST};
 use super::random::Dice;
 use super::views::{COMPARED, ViewWeights, choose_views};
@@ -14,7 +14,7 @@ pub const FAR: f32 = 24.0;
 /// Comparison of one pixel's hypotheses.
 struct HypothesisTest<'a, 'b> {
     /// Level of the pyramid.
-    pub level: &'a Level<'b>,
+    pub level: &'a SearchLevel<'b>,
     /// The pixel's surroundings.
     pub patch: Patch,
     /// Column.
@@ -201,7 +201,7 @@ impl SweepState {
     }
 
     /// Returns how much the hypothesis of a pixel is changed at a level.
-    pub fn changes(self, level: &Level<'_>) -> Changes {
+    pub fn changes(self, level: &SearchLevel<'_>) -> Changes {
         let near = level.step * self.reach.min(1.0);
         let depth = self.reach * level.step;
         Changes {
@@ -230,7 +230,7 @@ pub struct Changes {
 #[derive(Clone, Copy)]
 pub struct ColorUpdate<'a, 'b> {
     /// Level of the pyramid.
-    pub level: &'a Level<'b>,
+    pub level: &'a SearchLevel<'b>,
     /// Pixels of the other colour.
     pub other: &'a Color,
     /// Progress of the search.
@@ -360,7 +360,7 @@ impl ColorUpdate<'_, '_> {
 #[inline(always)]
 pub fn own_cost<S: Simd>(
     simd: S,
-    level: &Level<'_>,
+    level: &SearchLevel<'_>,
     own: Plane,
     x: usize,
     y: usize,

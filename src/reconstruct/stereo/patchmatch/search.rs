@@ -7,10 +7,10 @@ use glam::Vec3;
 use super::level::{FoundPlanes, PlanePrior, coarse_mask, level};
 use super::pixel_update::SweepState;
 use super::plane::{Field, Plane, Raster, WORST};
-use super::search_input::{PatchMatchOptions, PlaneMap, Round, Search};
+use super::search_input::{DepthSearch, PatchMatchOptions, PlaneMap, Round};
 use super::start::{priors, random_field};
 use super::sweep::Passes;
-use super::window::Window;
+use super::window::SupportWindow;
 use ostra_core::job::Progress;
 
 /// Runs PatchMatch stereo of one view from coarse to fine, by the images alone.
@@ -23,11 +23,11 @@ use ostra_core::job::Progress;
 /// Those of the passes.
 pub fn search<P: Passes>(
     passes: &mut P,
-    search: &Search<'_>,
+    search: &DepthSearch<'_>,
     options: &PatchMatchOptions,
     progress: &Progress,
 ) -> Result<PlaneMap, P::Error> {
-    let window = Window::default();
+    let window = SupportWindow::default();
     let mut visit = 0;
     let mut coarser: Option<P::Field> = None;
     for number in (0..search.reference.levels.len()).rev() {
@@ -85,7 +85,7 @@ pub fn search<P: Passes>(
 /// Those of the passes.
 pub fn search_consistent<P: Passes>(
     passes: &mut P,
-    search: &Search<'_>,
+    search: &DepthSearch<'_>,
     round: &Round<'_>,
     options: &PatchMatchOptions,
     progress: &Progress,
@@ -97,7 +97,7 @@ pub fn search_consistent<P: Passes>(
             others,
             before,
         },
-    ) = (Window::default(), round);
+    ) = (SupportWindow::default(), round);
     let mut level = level(search, 0, options, &window, search.allowed);
     for ((source, image), found) in level.sources.iter_mut().zip(search.sources).zip(others) {
         let back = image.transfer(search.reference, 0);
@@ -155,7 +155,7 @@ const CONFIDENT: f32 = 0.7;
 ///
 /// This is planes of other views, and the surface where the round before was confident of it.
 /// `step` is the change of inverse depth that makes another surface.
-pub fn hints(search: &Search<'_>, round: &Round<'_>, step: f32) -> Vec<PlanePrior> {
+pub fn hints(search: &DepthSearch<'_>, round: &Round<'_>, step: f32) -> Vec<PlanePrior> {
     let planes = of_sources(search, round.start, round.others, step);
     let hint = |(plane, &cost): (Plane, &f32)| PlanePrior {
         plane,
@@ -173,7 +173,7 @@ pub fn hints(search: &Search<'_>, round: &Round<'_>, step: f32) -> Vec<PlanePrio
 /// Planes of the pixel's own surface are left out; inverse depth 0 = none (view propagation of M.
 /// Bleyer, C. Rhemann, C. Rother, *PatchMatch Stereo*, BMVC 2011).
 fn of_sources(
-    search: &Search<'_>,
+    search: &DepthSearch<'_>,
     start: &PlaneMap,
     others: &[Option<Arc<PlaneMap>>],
     step: f32,

@@ -61,7 +61,7 @@ impl Default for PatchMatchOptions {
 
 /// Input of the depth search of one view.
 #[derive(Debug, Clone)]
-pub struct Search<'a> {
+pub struct DepthSearch<'a> {
     /// The view.
     pub reference: &'a PosedImage,
     /// Its sources, best first; only the first eight are used.

@@ -4,7 +4,7 @@
 use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::level::{Level, PlanePrior};
+use super::level::{PlanePrior, SearchLevel};
 use super::plane::{Field, Pixel, Plane, WORST};
 use super::random::Dice;
 
@@ -31,7 +31,7 @@ const LEAST_LINES: usize = 2;
 /// beyond its border: the plane is only known between confident pixels. A pixel without texture
 /// that lies within no surface gets no depth. The result is empty if no pixel lies within a
 /// surface.
-pub fn priors(level: &Level<'_>, coarser: &Field) -> Vec<PlanePrior> {
+pub fn priors(level: &SearchLevel<'_>, coarser: &Field) -> Vec<PlanePrior> {
     let tolerance = 2.0 * TOLERANCE_PX * level.step;
     let pixel = |at: usize, width: usize| Pixel {
         x: at % width,
@@ -165,7 +165,11 @@ fn fitted(lines: &[Line]) -> Option<Plane> {
 }
 
 /// Creates planes with random depths, uniform in inverse depth over the range, and those of the seeds.
-pub fn random_field(level: &Level<'_>, seeds: &[(usize, usize, f32)], number: usize) -> Field {
+pub fn random_field(
+    level: &SearchLevel<'_>,
+    seeds: &[(usize, usize, f32)],
+    number: usize,
+) -> Field {
     let (width, height) = (level.image.width, level.image.height);
     let [low, high] = level.range;
     let mut field = Field::new(width, height);
@@ -214,7 +218,7 @@ fn coarse_pixel(fine: Pixel, coarser: &Field) -> Pixel {
 }
 
 /// Copies the planes of a coarser field to the four fine pixels of each.
-pub fn finer_field(level: &Level<'_>, coarser: &Field) -> Field {
+pub fn finer_field(level: &SearchLevel<'_>, coarser: &Field) -> Field {
     let (width, height) = (level.image.width, level.image.height);
     let mut field = Field::new(width, height);
     for y in 0..height {

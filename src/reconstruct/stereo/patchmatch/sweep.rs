@@ -3,7 +3,7 @@
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use super::level::Level;
+use super::level::SearchLevel;
 use super::pixel_update::{ColorUpdate, SweepState, own_cost};
 use super::plane::{Color, Field, Plane, WORST};
 use super::start::finer_field;
@@ -17,7 +17,7 @@ use ostra_core::job::{Progress, Stopped};
 /// # Errors
 /// [`Stopped`].
 pub fn sweep(
-    level: &Level<'_>,
+    level: &SearchLevel<'_>,
     field: &mut Field,
     empty: &Empty,
     turn: SweepState,
@@ -46,8 +46,11 @@ pub fn sweep(
             .enumerate();
         rows.try_for_each(|(y, ((planes, costs), empty))| {
             progress.check()?;
-            let (first, work) = ((y + color as usize) % 2, Work::Visit { other, turn, empty });
-            Arch::new().dispatch(Row {
+            let (first, work) = (
+                (y + color as usize) % 2,
+                RowTask::Visit { other, turn, empty },
+            );
+            Arch::new().dispatch(SweepRow {
                 level,
                 work,
                 planes,
@@ -68,7 +71,11 @@ type Empty = [Vec<bool>; 2];
 ///
 /// # Errors
 /// [`Stopped`].
-pub fn score(level: &Level<'_>, field: &mut Field, progress: &Progress) -> Result<Empty, Stopped> {
+pub fn score(
+    level: &SearchLevel<'_>,
+    field: &mut Field,
+    progress: &Progress,
+) -> Result<Empty, Stopped> {
     let half = field.half();
     let mut empty = [0, 1].map(|color| vec![false; field.colors[color].costs.len()]);
     for (color, (Color { planes, costs }, empty)) in
@@ -78,8 +85,8 @@ pub fn score(level: &Level<'_>, field: &mut Field, progress: &Progress) -> Resul
         let rows = pixels.zip(empty.par_chunks_mut(half)).enumerate();
         rows.try_for_each(|(y, ((planes, costs), empty))| {
             progress.check()?;
-            let (first, work) = ((y + color) % 2, Work::Score { empty });
-            Arch::new().dispatch(Row {
+            let (first, work) = ((y + color) % 2, RowTask::Score { empty });
+            Arch::new().dispatch(SweepRow {
                 level,
                 work,
                 planes,
@@ -94,9 +101,9 @@ pub fn score(level: &Level<'_>, field: &mut Field, progress: &Progress) -> Resul
 }
 
 /// A row's pixels of one colour.
-struct Row<'a, 'b> {
-    level: &'a Level<'b>,
-    work: Work<'a>,
+struct SweepRow<'a, 'b> {
+    level: &'a SearchLevel<'b>,
+    work: RowTask<'a>,
     planes: &'a mut [Plane],
     costs: &'a mut [f32],
     y: usize,
@@ -104,7 +111,7 @@ struct Row<'a, 'b> {
 }
 
 /// The task for a row.
-enum Work<'a> {
+enum RowTask<'a> {
     /// Computes costs of its hypotheses, and marks pixels with nothing to compare.
     Score { empty: &'a mut [bool] },
     /// Searches for better hypotheses at pixels that are not marked.
@@ -115,7 +122,7 @@ enum Work<'a> {
     },
 }
 
-impl WithSimd for Row<'_, '_> {
+impl WithSimd for SweepRow<'_, '_> {
     type Output = ();
 
     #[inline(always)]
@@ -124,7 +131,7 @@ impl WithSimd for Row<'_, '_> {
     }
 }
 
-impl Row<'_, '_> {
+impl SweepRow<'_, '_> {
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
         let width = self.level.image.width;
@@ -139,12 +146,12 @@ impl Row<'_, '_> {
                 continue;
             }
             match &mut self.work {
-                Work::Score { empty } => {
+                RowTask::Score { empty } => {
                     let own = own_cost(simd, self.level, *plane, x, self.y);
                     (*cost, empty[i]) = (own.unwrap_or(WORST), own.is_none());
                 }
-                Work::Visit { empty, .. } if empty[i] => {}
-                Work::Visit { other, turn, .. } => {
+                RowTask::Visit { empty, .. } if empty[i] => {}
+                RowTask::Visit { other, turn, .. } => {
                     let update = ColorUpdate {
                         level: self.level,
                         other,
@@ -168,7 +175,11 @@ pub trait Passes {
     ///
     /// # Errors
     /// Fails if there is not enough memory.
-    fn begin(&mut self, level: &Level<'_>, hypotheses: Field) -> Result<Self::Field, Self::Error>;
+    fn begin(
+        &mut self,
+        level: &SearchLevel<'_>,
+        hypotheses: Field,
+    ) -> Result<Self::Field, Self::Error>;
 
     /// Creates a field of the planes of a coarser one, without costs.
     ///
@@ -176,7 +187,7 @@ pub trait Passes {
     /// Fails if there is not enough memory.
     fn finer(
         &mut self,
-        level: &Level<'_>,
+        level: &SearchLevel<'_>,
         coarser: &Self::Field,
     ) -> Result<Self::Field, Self::Error>;
 
@@ -186,7 +197,7 @@ pub trait Passes {
     /// [`Stopped`].
     fn score(
         &mut self,
-        level: &Level<'_>,
+        level: &SearchLevel<'_>,
         field: &mut Self::Field,
         progress: &Progress,
     ) -> Result<(), Self::Error>;
@@ -197,7 +208,7 @@ pub trait Passes {
     /// [`Stopped`].
     fn sweep(
         &mut self,
-        level: &Level<'_>,
+        level: &SearchLevel<'_>,
         field: &mut Self::Field,
         turn: SweepState,
         progress: &Progress,
@@ -227,17 +238,17 @@ impl Passes for Processor {
     type Field = Field;
     type Error = Stopped;
 
-    fn begin(&mut self, _: &Level<'_>, hypotheses: Field) -> Result<Field, Stopped> {
+    fn begin(&mut self, _: &SearchLevel<'_>, hypotheses: Field) -> Result<Field, Stopped> {
         Ok(hypotheses)
     }
 
-    fn finer(&mut self, level: &Level<'_>, coarser: &Field) -> Result<Field, Stopped> {
+    fn finer(&mut self, level: &SearchLevel<'_>, coarser: &Field) -> Result<Field, Stopped> {
         Ok(finer_field(level, coarser))
     }
 
     fn score(
         &mut self,
-        level: &Level<'_>,
+        level: &SearchLevel<'_>,
         field: &mut Field,
         progress: &Progress,
     ) -> Result<(), Stopped> {
@@ -247,7 +258,7 @@ impl Passes for Processor {
 
     fn sweep(
         &mut self,
-        level: &Level<'_>,
+        level: &SearchLevel<'_>,
         field: &mut Field,
         turn: SweepState,
         progress: &Progress,

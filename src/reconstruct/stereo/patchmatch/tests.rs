@@ -3,7 +3,7 @@ use pulp::{Arch, Simd, WithSimd};
 use super::plane::{Hypothesis, Plane, Raster, Transfer};
 use super::posed_image::{Texture, Tones};
 use super::random::Dice;
-use super::window::{NOISE, Patch, TAPS, Window};
+use super::window::{NOISE, Patch, SupportWindow, TAPS};
 
 struct Cost<'a>(&'a Texture, &'a Texture, &'a Transfer, Hypothesis);
 
@@ -12,7 +12,7 @@ impl WithSimd for Cost<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> f32 {
-        let window = Window::default();
+        let window = SupportWindow::default();
         let patch = Patch::new(&window, self.0, self.3.x as usize, self.3.y as usize);
         patch.cost(simd, &window, self.3, self.2, self.1)
     }
@@ -36,7 +36,7 @@ fn plain(
     hypothesis: Hypothesis,
 ) -> f64 {
     let Hypothesis { plane, x, y } = hypothesis;
-    let window = Window::default();
+    let window = SupportWindow::default();
     let weights = Patch::new(&window, reference, x as usize, y as usize)
         .weights
         .map(f64::from);

@@ -26,7 +26,7 @@ pub const FLAT_VARIANCE: f32 = 1.0;
 
 /// The window and its weights by grey difference.
 #[derive(Debug, Clone)]
-pub struct Window {
+pub struct SupportWindow {
     /// Offsets in pixels from the centre.
     pub dx: [f32; PADDED],
     /// Offsets in pixels from the centre.
@@ -56,7 +56,7 @@ pub struct Patch {
     pub flatness: f32,
 }
 
-impl Default for Window {
+impl Default for SupportWindow {
     fn default() -> Self {
         let dx = std::array::from_fn(|tap| (place(tap) % SIDE) as f32 - REACH as f32);
         let dy = std::array::from_fn(|tap| (place(tap) / SIDE) as f32 - REACH as f32);
@@ -84,7 +84,7 @@ const fn place(tap: usize) -> usize {
 impl Patch {
     /// Creates the patch around a pixel; positions beyond the border take the border's grey.
     #[inline(always)]
-    pub fn new(window: &Window, image: &Texture, x: usize, y: usize) -> Self {
+    pub fn new(window: &SupportWindow, image: &Texture, x: usize, y: usize) -> Self {
         let (centre, own) = (image.grey(x, y), image.chroma[y * image.width + x]);
         let (mut values, mut weights) = ([0.0; TAPS], [0.0; PADDED]);
         let around = |at: usize, size: usize| -> [usize; SIDE] {

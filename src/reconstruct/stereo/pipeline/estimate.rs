@@ -6,9 +6,9 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::plan::{Images, Planned, PlannedView, StereoRequest, ViewOutcome, plan};
+use super::plan::{ImagePyramids, Planned, PlannedView, StereoRequest, ViewOutcome, plan};
 use crate::stereo::filter::{FilterOptions, Neighbour, completed, filter, snapped};
-use crate::stereo::patchmatch::{PatchMatchOptions, PlaneMap, PosedImage, Round, Search};
+use crate::stereo::patchmatch::{DepthSearch, PatchMatchOptions, PlaneMap, PosedImage, Round};
 use crate::stereo::raster::raster_camera;
 use crate::stereo::{DepthEstimate, DepthStore, SelectOptions, Stage, StereoError};
 use ostra_cloud::SceneError;
@@ -63,7 +63,7 @@ pub fn estimate_depths(
     options: &StereoOptions,
     progress: &Progress,
 ) -> Result<BTreeMap<usize, ViewOutcome>, StereoError> {
-    let mut images = Images::new(
+    let mut images = ImagePyramids::new(
         request.frames,
         store,
         options.max_side,
@@ -75,7 +75,7 @@ pub fn estimate_depths(
         views,
         mut outcomes,
     } = plan(request, &mut images, &options.select, progress)?;
-    let work = Work::new(request, views, depths, options, progress)?;
+    let work = DepthEstimation::new(request, views, depths, options, progress)?;
     let mut make = |name: &str, stage: Stage| {
         progress.stage(name)?;
         work.make(stage, &mut images)
@@ -108,7 +108,7 @@ pub fn estimate_depths(
 const PIXELS_AT_ONCE: usize = 4 << 20;
 
 /// A run: its views, and the input of all steps.
-pub struct Work<'a> {
+pub struct DepthEstimation<'a> {
     request: &'a StereoRequest<'a>,
     depths: &'a dyn DepthStore,
     options: &'a StereoOptions,
@@ -119,18 +119,18 @@ pub struct Work<'a> {
 }
 
 /// A view with its image and those of its neighbouring views.
-struct Prepared<'a> {
+struct PreparedView<'a> {
     view: &'a PlannedView,
     image: Arc<PosedImage>,
     adjacent: Vec<(usize, Arc<PosedImage>)>,
 }
 
-impl<'a> Prepared<'a> {
+impl<'a> PreparedView<'a> {
     /// Reads the input of a stage of a view.
     fn new(
         view: &'a PlannedView,
         stage: Stage,
-        images: &mut Images<'_>,
+        images: &mut ImagePyramids<'_>,
     ) -> Result<Self, SceneError> {
         let mut get = |number: usize| images.get(number).map_err(SceneError::Request);
         let image = get(view.frame)?;
@@ -151,7 +151,7 @@ impl<'a> Prepared<'a> {
     }
 }
 
-impl<'a> Work<'a> {
+impl<'a> DepthEstimation<'a> {
     /// Finds the stages that an earlier run stored. Damaged ones count as missing.
     ///
     /// # Errors
@@ -197,7 +197,7 @@ impl<'a> Work<'a> {
     ///
     /// # Errors
     /// The first one of the depth store or the engine, [`StereoError::Stopped`].
-    pub fn make(&self, stage: Stage, images: &mut Images<'_>) -> Result<(), StereoError> {
+    pub fn make(&self, stage: Stage, images: &mut ImagePyramids<'_>) -> Result<(), StereoError> {
         let pairs = self.views.iter().zip(&self.reached);
         let open: Vec<_> = pairs
             .filter(|&(_, &reached)| reached < Some(stage))
@@ -212,7 +212,7 @@ impl<'a> Work<'a> {
                     && working.len() < at_once
                     && let Some(view) = open.next()
                 {
-                    match Prepared::new(view, stage, images) {
+                    match PreparedView::new(view, stage, images) {
                         Ok(prepared) => {
                             let thread = scope.spawn(move || self.at_stage(&prepared, stage));
                             working.push_back((view.frame, thread));
@@ -302,7 +302,11 @@ impl<'a> Work<'a> {
     }
 
     /// Computes a view's depth at a stage from earlier stages.
-    fn at_stage(&self, view: &Prepared<'_>, stage: Stage) -> Result<DepthEstimate, StereoError> {
+    fn at_stage(
+        &self,
+        view: &PreparedView<'_>,
+        stage: Stage,
+    ) -> Result<DepthEstimate, StereoError> {
         match stage {
             Stage::Round(round) => self.searched(view, round),
             Stage::Filtered => self.filtered(view),
@@ -313,11 +317,11 @@ impl<'a> Work<'a> {
     /// Computes a view's depth of a round.
     fn searched(
         &self,
-        Prepared {
+        PreparedView {
             view,
             image,
             adjacent,
-        }: &Prepared<'_>,
+        }: &PreparedView<'_>,
         round: u32,
     ) -> Result<DepthEstimate, StereoError> {
         let sources: Vec<Arc<PosedImage>> = adjacent
@@ -325,7 +329,7 @@ impl<'a> Work<'a> {
             .map(|(_, image)| Arc::clone(image))
             .collect();
         let allowed = (self.request.mask)(view.frame, &image.camera);
-        let task = Search {
+        let task = DepthSearch {
             reference: image,
             sources: &sources,
             depth_range: view.depth_range,
@@ -358,8 +362,9 @@ impl<'a> Work<'a> {
     }
 
     /// Computes the part of a view's depth that its sources agree with.
-    fn filtered(&self, prepared: &Prepared<'_>) -> Result<DepthEstimate, StereoError> {
-        let (Prepared { view, image, .. }, last) = (prepared, Stage::Round(self.options.rounds));
+    fn filtered(&self, prepared: &PreparedView<'_>) -> Result<DepthEstimate, StereoError> {
+        let (PreparedView { view, image, .. }, last) =
+            (prepared, Stage::Round(self.options.rounds));
         let own = snapped(
             &*self.own(view, last)?,
             &image.levels[0],
@@ -373,8 +378,8 @@ impl<'a> Work<'a> {
     }
 
     /// Completes a view's depth by what its neighbours see.
-    fn completed(&self, prepared: &Prepared<'_>) -> Result<DepthEstimate, StereoError> {
-        let Prepared { view, image, .. } = prepared;
+    fn completed(&self, prepared: &PreparedView<'_>) -> Result<DepthEstimate, StereoError> {
+        let PreparedView { view, image, .. } = prepared;
         let own = self.own(view, Stage::Filtered)?;
         let neighbours = self.neighbours(prepared, Stage::Filtered)?;
         let allowed = (self.request.mask)(view.frame, &image.camera);
@@ -388,7 +393,11 @@ impl<'a> Work<'a> {
     }
 
     /// Returns the depths of the neighbouring views at a stage.
-    fn neighbours(&self, view: &Prepared<'_>, stage: Stage) -> Result<Vec<Neighbour>, StereoError> {
+    fn neighbours(
+        &self,
+        view: &PreparedView<'_>,
+        stage: Stage,
+    ) -> Result<Vec<Neighbour>, StereoError> {
         let kept: Vec<_> = view
             .adjacent
             .par_iter()

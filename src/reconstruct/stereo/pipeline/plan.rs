@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::stereo::patchmatch::{MAX_SOURCES, PosedImage};
 use crate::stereo::raster::{raster_camera, raster_image, tones};
-use crate::stereo::{Engine, SelectOptions, StereoError, select_sources};
+use crate::stereo::{SelectOptions, StereoEngine, StereoError, select_sources};
 use ostra_core::job::Progress;
 use ostra_core::statistics::trimmed_range;
 use ostra_frames::cameras::SparsePoints;
@@ -31,7 +31,7 @@ pub struct StereoRequest<'a> {
     /// Pixels to process, for masked reconstruction.
     pub mask: RasterMask<'a>,
     /// Device that it runs on.
-    pub engine: &'a Engine,
+    pub engine: &'a StereoEngine,
 }
 
 /// Input from which a view's depth is computed.
@@ -64,7 +64,7 @@ pub struct Planned {
 /// [`StereoError::Stopped`].
 pub fn plan(
     request: &StereoRequest<'_>,
-    images: &mut Images<'_>,
+    images: &mut ImagePyramids<'_>,
     options: &SelectOptions,
     progress: &Progress,
 ) -> Result<Planned, StereoError> {
@@ -182,7 +182,7 @@ impl std::fmt::Display for ViewOutcome {
 }
 
 /// The images in use, as pyramids; the latest used are cached up to a budget.
-pub struct Images<'a> {
+pub struct ImagePyramids<'a> {
     frames: &'a [Frame],
     store: &'a FrameStore,
     max_side: u32,
@@ -192,7 +192,7 @@ pub struct Images<'a> {
     clock: u64,
 }
 
-impl<'a> Images<'a> {
+impl<'a> ImagePyramids<'a> {
     /// Creates an empty cache.
     pub fn new(
         frames: &'a [Frame],

@@ -4,8 +4,8 @@ use super::wall::{BORDER, SIZE, camera, frame, paint, painted, pose, seen, spars
 use crate::stereo::filter::{CompleteOptions, FilterOptions};
 use crate::stereo::patchmatch::PatchMatchOptions;
 use crate::stereo::{
-    DepthEstimate, DepthStore, Engine, InMemoryDepthStore, Stage, StereoOptions, StereoRequest,
-    estimate_depths,
+    DepthEstimate, DepthStore, InMemoryDepthStore, Stage, StereoEngine, StereoOptions,
+    StereoRequest, estimate_depths,
 };
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore};
@@ -44,7 +44,7 @@ fn depth(has_texture: impl Fn(DVec3) -> bool, prior_weight: f32) -> DepthEstimat
         views: &[0, 1, 2],
         sparse: &sparse,
         mask: &|_, _| None,
-        engine: &Engine::Cpu,
+        engine: &StereoEngine::Cpu,
     };
     let patchmatch = PatchMatchOptions {
         coarsest_px: 40,

@@ -5,8 +5,8 @@ use glam::DVec2;
 
 use super::wall::{BORDER, SIZE, camera, frame, paint, painted, pose, seen_by, sparse};
 use crate::stereo::{
-    DepthStore, Engine, FusionOptions, FusionRequest, InMemoryDepthStore, Stage, StereoOptions,
-    StereoRequest, estimate_depths, fuse_depths, raster_camera, raster_image,
+    DepthStore, FusionOptions, FusionRequest, InMemoryDepthStore, Stage, StereoEngine,
+    StereoOptions, StereoRequest, estimate_depths, fuse_depths, raster_camera, raster_image,
 };
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameCamera, FrameStore};
@@ -43,7 +43,7 @@ fn depths(frames: &[Frame], store: &FrameStore) -> InMemoryDepthStore {
         views: &[0, 1, 2],
         sparse: &sparse,
         mask: &|_, _| None,
-        engine: &Engine::Cpu,
+        engine: &StereoEngine::Cpu,
     };
     let options = StereoOptions {
         max_side: SIZE.0,

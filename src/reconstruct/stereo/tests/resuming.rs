@@ -3,7 +3,7 @@ use std::time::Duration;
 
 use super::wall::{frame, grey, pose, sparse};
 use crate::stereo::{
-    DepthEstimate, DepthStore, Engine, InMemoryDepthStore, RasterMask, Stage, StereoError,
+    DepthEstimate, DepthStore, InMemoryDepthStore, RasterMask, Stage, StereoEngine, StereoError,
     StereoOptions, StereoRequest, estimate_depths,
 };
 use ostra_cloud::SceneError;
@@ -116,7 +116,7 @@ impl Wall {
             views: &[0, 1, 2],
             sparse: &sparse,
             mask,
-            engine: &Engine::Cpu,
+            engine: &StereoEngine::Cpu,
         };
         let options = StereoOptions {
             max_side: 80,

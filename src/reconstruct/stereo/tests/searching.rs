@@ -1,21 +1,21 @@
 use std::sync::Arc;
 
 use super::wall::{BORDER, SIZE, image, pose, seen};
-use crate::stereo::Engine;
-use crate::stereo::patchmatch::{PatchMatchOptions, Plane, PlaneMap, Round, Search};
+use crate::stereo::StereoEngine;
+use crate::stereo::patchmatch::{DepthSearch, PatchMatchOptions, Plane, PlaneMap, Round};
 use ostra_core::job::Progress;
 
 fn found(allowed: Option<&[bool]>) -> PlaneMap {
     let sources = [image(1), image(2)];
     let reference = image(0);
-    let task = Search {
+    let task = DepthSearch {
         reference: &reference,
         sources: &sources,
         depth_range: [1.5, 6.0],
         seeds: &[],
         allowed,
     };
-    Engine::Cpu
+    StereoEngine::Cpu
         .search(&task, &PatchMatchOptions::default(), &Progress::default())
         .unwrap()
 }
@@ -70,7 +70,7 @@ fn consistent_round_keeps_the_wall() {
         }))
     };
     let (reference, sources) = (image(0), [image(1), image(2)]);
-    let task = Search {
+    let task = DepthSearch {
         reference: &reference,
         sources: &sources,
         depth_range: [1.5, 6.0],
@@ -83,7 +83,7 @@ fn consistent_round_keeps_the_wall() {
         others: &[planes(1), planes(2)],
         before: 0,
     };
-    let again = Engine::Cpu
+    let again = StereoEngine::Cpu
         .search_consistent(&task, &round, &options, &Progress::default())
         .unwrap();
     let error = median_error(&again);
@@ -121,7 +121,7 @@ fn stop_ends_the_search() {
     let progress = Progress::default();
     progress.stop();
     let reference = image(0);
-    let task = Search {
+    let task = DepthSearch {
         reference: &reference,
         sources: &[image(1)],
         depth_range: [1.5, 6.0],
@@ -129,7 +129,7 @@ fn stop_ends_the_search() {
         allowed: None,
     };
     assert!(
-        Engine::Cpu
+        StereoEngine::Cpu
             .search(&task, &PatchMatchOptions::default(), &progress)
             .is_err()
     );

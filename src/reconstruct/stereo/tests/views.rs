@@ -1,8 +1,8 @@
 use super::wall::{camera, frame, grey, pose, sparse};
 use crate::stereo::patchmatch::Tones;
 use crate::stereo::{
-    DepthStore, Engine, InMemoryDepthStore, SelectOptions, Stage, StereoOptions, StereoRequest,
-    ViewOutcome, estimate_depths, select_sources,
+    DepthStore, InMemoryDepthStore, SelectOptions, Stage, StereoEngine, StereoOptions,
+    StereoRequest, ViewOutcome, estimate_depths, select_sources,
 };
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore};
@@ -58,7 +58,7 @@ fn views_without_sources_are_reported_and_the_rest_done() {
         views: &views,
         sparse: &sparse,
         mask: &|_, _| None,
-        engine: &Engine::Cpu,
+        engine: &StereoEngine::Cpu,
     };
     let (store, depths) = (FrameStore::new(1 << 20), InMemoryDepthStore::default());
     let options = StereoOptions {

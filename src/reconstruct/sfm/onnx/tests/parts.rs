@@ -1,7 +1,8 @@
 use glam::DVec2;
 
 use super::super::heat::{Heat, Sampled};
-use super::super::keypoints::{ImageSize, Prepared};
+use super::super::keypoints::PreparedImage;
+use ostra_core::image::ImageSize;
 
 /// Returns logits of cells (columns · rows) whose softmax falls off like a Gaussian around a
 /// position; nothing elsewhere.
@@ -67,7 +68,7 @@ fn image_is_shrunk_and_its_edges_repeated() {
         width: 100,
         height: 50,
     };
-    let kept = Prepared::new(&slope, size, 100, 32);
+    let kept = PreparedImage::new(&slope, size, 100, 32);
     assert_eq!(
         (
             kept.width,
@@ -82,7 +83,7 @@ fn image_is_shrunk_and_its_edges_repeated() {
         (0.07, 0.99)
     );
     assert_eq!(kept.original_from_here, DVec2::ONE);
-    let half = Prepared::new(&slope, size, 50, 32);
+    let half = PreparedImage::new(&slope, size, 50, 32);
     assert_eq!(
         (
             half.width,

@@ -1,18 +1,20 @@
 use std::sync::Arc;
 
 use super::wall::{image, images, task};
-use super::{Engine, assert_equal, card};
+use super::{StereoEngine, assert_equal, card};
 use crate::stereo::StereoError;
 use crate::stereo::patchmatch::{PatchMatchOptions, PosedImage};
 use ostra_core::job::Progress;
 
-fn assert_same_search(card: &Engine, images: &[Arc<PosedImage>], what: &str) {
+fn assert_same_search(card: &StereoEngine, images: &[Arc<PosedImage>], what: &str) {
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
     let task = task(images, None);
     let gpu = card.search(&task, &options, &progress).unwrap();
     assert_equal(
         card,
-        &Engine::Cpu.search(&task, &options, &progress).unwrap(),
+        &StereoEngine::Cpu
+            .search(&task, &options, &progress)
+            .unwrap(),
         &gpu,
         what,
     );

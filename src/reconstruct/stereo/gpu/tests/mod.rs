@@ -6,13 +6,13 @@ mod sizes;
 mod twin;
 mod wall;
 
-use super::Engine;
+use super::StereoEngine;
 use crate::stereo::patchmatch::PlaneMap;
 use ostra_compute::gpu::{Device, Software};
 
 /// Returns a device with the programs.
-fn card() -> Engine {
-    Engine::on(Device::open(Software::Allowed).unwrap().into()).unwrap()
+fn card() -> StereoEngine {
+    StereoEngine::on(Device::open(Software::Allowed).unwrap().into()).unwrap()
 }
 
 /// Returns the minimum share of pixels, in hundredths, that have the same depth within a thousandth.
@@ -20,14 +20,14 @@ fn card() -> Engine {
 /// It refers to the pixels for which the processor found a plane. A real card may round otherwise;
 /// the processor itself, with products fused into sums, comes to the same depth for about 80 to 99
 /// of 100 pixels, depending on texture.
-fn least_equal(card: &Engine) -> usize {
+fn least_equal(card: &StereoEngine) -> usize {
     match card {
-        Engine::Gpu(kernels) if !kernels.device.is_software() => 70,
+        StereoEngine::Gpu(kernels) if !kernels.device.is_software() => 70,
         _ => 99,
     }
 }
 
-fn assert_equal(card: &Engine, cpu: &PlaneMap, gpu: &PlaneMap, what: &str) {
+fn assert_equal(card: &StereoEngine, cpu: &PlaneMap, gpu: &PlaneMap, what: &str) {
     assert_eq!((cpu.width, cpu.height), (gpu.width, gpu.height), "{what}");
     let pairs = cpu
         .planes

@@ -1,8 +1,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::{Engine, assert_equal, card};
-use crate::stereo::patchmatch::{PatchMatchOptions, PlaneMap, PosedImage, Round, Search};
+use super::{StereoEngine, assert_equal, card};
+use crate::stereo::patchmatch::{DepthSearch, PatchMatchOptions, PlaneMap, PosedImage, Round};
 use crate::stereo::raster::{raster_camera, raster_image, tones};
 use ostra_core::job::Progress;
 use ostra_frames::cameras::GivenCameras;
@@ -47,9 +47,9 @@ fn images(set: &Path) -> Vec<Arc<PosedImage>> {
 }
 
 /// Returns the search of the first image against the others.
-fn task(images: &[Arc<PosedImage>]) -> Search<'_> {
+fn task(images: &[Arc<PosedImage>]) -> DepthSearch<'_> {
     let (reference, sources) = (&images[0], &images[1..]);
-    Search {
+    DepthSearch {
         reference,
         sources,
         depth_range: [4.0, 16.0],
@@ -70,7 +70,7 @@ fn real_images_give_the_same_depths_as_the_processor() {
         let mut order = images.clone();
         order.swap(0, index);
         founds.push(
-            Engine::Cpu
+            StereoEngine::Cpu
                 .search(&task(&order), &options, &progress)
                 .unwrap()
                 .into(),
@@ -89,7 +89,7 @@ fn real_images_give_the_same_depths_as_the_processor() {
         others: &others,
         before: 0,
     };
-    let cpu = Engine::Cpu
+    let cpu = StereoEngine::Cpu
         .search_consistent(&task, &round, &options, &progress)
         .unwrap();
     let gpu = card

@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use super::wall::{found, images, partly_flat, task};
-use super::{Engine, assert_equal, card};
+use super::{StereoEngine, assert_equal, card};
 use crate::stereo::patchmatch::{PatchMatchOptions, PlaneMap, PosedImage, Round};
 use ostra_core::job::Progress;
 
@@ -18,7 +18,9 @@ fn search_equals_the_processor() {
     let gpu = card.search(&task, &options, &progress).unwrap();
     assert_equal(
         &card,
-        &Engine::Cpu.search(&task, &options, &progress).unwrap(),
+        &StereoEngine::Cpu
+            .search(&task, &options, &progress)
+            .unwrap(),
         &gpu,
         "search",
     );
@@ -74,7 +76,9 @@ fn masked_search_equals_the_processor() {
     let gpu = card.search(&task, &options, &progress).unwrap();
     assert_equal(
         &card,
-        &Engine::Cpu.search(&task, &options, &progress).unwrap(),
+        &StereoEngine::Cpu
+            .search(&task, &options, &progress)
+            .unwrap(),
         &gpu,
         "masked",
     );
@@ -115,7 +119,7 @@ fn consistent_rounds_equal_the_processor() {
             let gpu = card
                 .search_consistent(&task, &round, &options, &progress)
                 .unwrap();
-            let cpu = Engine::Cpu
+            let cpu = StereoEngine::Cpu
                 .search_consistent(&task, &round, &options, &progress)
                 .unwrap();
             assert_equal(
@@ -138,7 +142,9 @@ fn flat_parts_equal_the_processor() {
         .collect();
     let (progress, options) = (Progress::default(), PatchMatchOptions::default());
     let task = task(&images, None);
-    let cpu = Engine::Cpu.search(&task, &options, &progress).unwrap();
+    let cpu = StereoEngine::Cpu
+        .search(&task, &options, &progress)
+        .unwrap();
     assert_equal(
         &card,
         &cpu,
@@ -149,7 +155,9 @@ fn flat_parts_equal_the_processor() {
         prior_weight: 0.0,
         ..options.clone()
     };
-    let alone = Engine::Cpu.search(&task, &without, &progress).unwrap();
+    let alone = StereoEngine::Cpu
+        .search(&task, &without, &progress)
+        .unwrap();
     assert!(cpu.planes != alone.planes, "it pulls somewhere");
     let known: Vec<Option<Arc<PlaneMap>>> = found(&images)[1..]
         .iter()
@@ -160,7 +168,7 @@ fn flat_parts_equal_the_processor() {
         others: &known,
         before: 0,
     };
-    let again = Engine::Cpu
+    let again = StereoEngine::Cpu
         .search_consistent(&task, &round, &options, &progress)
         .unwrap();
     let gpu = card

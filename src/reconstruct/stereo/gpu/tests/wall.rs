@@ -2,8 +2,8 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec2, DVec3};
 
-use super::Engine;
-use crate::stereo::patchmatch::{PatchMatchOptions, PlaneMap, PosedImage, Search, Tones};
+use super::StereoEngine;
+use crate::stereo::patchmatch::{DepthSearch, PatchMatchOptions, PlaneMap, PosedImage, Tones};
 use ostra_core::job::Progress;
 use ostra_geometry::{Camera, Pose};
 
@@ -90,9 +90,9 @@ pub fn images(count: usize, size: (u32, u32)) -> Vec<Arc<PosedImage>> {
 }
 
 /// Returns the search of the first image against the others.
-pub fn task<'a>(images: &'a [Arc<PosedImage>], allowed: Option<&'a [bool]>) -> Search<'a> {
+pub fn task<'a>(images: &'a [Arc<PosedImage>], allowed: Option<&'a [bool]>) -> DepthSearch<'a> {
     let (reference, sources) = (&images[0], &images[1..]);
-    Search {
+    DepthSearch {
         reference,
         sources,
         depth_range: RANGE,
@@ -106,7 +106,7 @@ pub fn found(images: &[Arc<PosedImage>]) -> Vec<Arc<PlaneMap>> {
     let one = |index: usize| {
         let mut order = images.to_vec();
         order.swap(0, index);
-        Engine::Cpu
+        StereoEngine::Cpu
             .search(
                 &task(&order, None),
                 &PatchMatchOptions::default(),

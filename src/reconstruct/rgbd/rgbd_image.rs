@@ -11,7 +11,7 @@ pub(super) const SAME_SURFACE: f32 = 0.03;
 
 /// A frame as registration stores it: small, without lens distortion, 3 bytes per pixel.
 #[derive(Debug, Clone, PartialEq)]
-pub struct View {
+pub struct RgbdImage {
     /// The pinhole camera of these pixels.
     pub camera: Camera,
     /// Luma, 0–255.
@@ -22,7 +22,7 @@ pub struct View {
     unit: f32,
 }
 
-impl View {
+impl RgbdImage {
     /// Shrinks a frame. Image and depth have the camera's size.
     #[must_use]
     pub fn new(image: &Image, depth: &DepthMap, camera: &Camera) -> Self {
