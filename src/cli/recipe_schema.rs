@@ -106,6 +106,13 @@ fn is_read(recipe: &Value) -> bool {
         .is_ok_and(|(recipe, unknown)| recipe.format == 1 && unknown.is_empty())
 }
 
+/// Lists values of JSON.
+macro_rules! commands {
+    ($($command:tt),+ $(,)?) => {
+        vec![$(json!($command)),+]
+    };
+}
+
 /// Returns all commands, each with all of its keys.
 fn commands() -> Vec<Value> {
     let camera = json!({"width": 640, "height": 480, "focal_px": [500.0, 500.0], "principal_px": [320.0, 240.0],
@@ -130,7 +137,7 @@ fn commands() -> Vec<Value> {
     let thing = json!(["cup", {"min_px": [1.0, 1.0], "max_px": [9.0, 9.0]}]);
     let points = json!([[1.0, 2.0], [3.0, 4.0]]);
     let range = |change: Value| json!({"range": {"labels": [1], "from": 0, "to": 5, "change": change, "replace": true}});
-    let list = json!([
+    let mut list = commands![
         {"new": sources}, {"open": "plant"}, {"view": "plant"}, {"inspect": "a.ply"}, "close", {"add_frames": sources},
         {"relocate": {"from": "old", "to": "new"}}, {"add_label": {"name": "leaf", "parent": "plant", "color": [1, 2, 3]}},
         {"edit_label": {"id": 2, "name": "leaf", "color": [1, 2, 3], "parent": 1}}, {"remove_label": 2},
@@ -149,9 +156,6 @@ fn commands() -> Vec<Value> {
             "as_keyframes": true}},
         {"correct_cloud": {"select": [], "change": "clear"}},
         {"merge_labels": {"label": 1, "into": 2}}, {"clear_mask": {"frame": 1}},
-        range(json!("delete")), range(json!("restore")), range(json!("lock")), range(json!("unlock")), range(json!("hide")),
-        range(json!("show")), range(json!({"merge": {"into": 2}})), range(json!("interpolate")),
-        range(json!({"split": {"frame": 1, "at_px": [1.0, 2.0], "into": 2}})), range(json!({"copy": {"frame": 1}})),
         {"import_masks": {"dir": "masks", "format": "coco"}},
         {"export_masks": {"dir": "masks", "format": "coco", "overwrite": true}},
         {"track": track}, "suggest", {"propose": {"frame": 1, "segmenter": "sam"}}, {"reconstruct": reconstruct},
@@ -164,8 +168,13 @@ fn commands() -> Vec<Value> {
         {"tidy": {"frame": 1, "label": 2}}, {"make_anchor": {"frame": 1}}, {"adopt": {}},
         {"correct_cloud": {"select": [{"seen": {"eye": {"frame": 3}, "points_px": points, "doubtful_below": 0.5}}],
             "change": "clear", "as_anchors": true}},
-    ]);
-    list.as_array().unwrap().clone()
+    ];
+    let changes = commands![
+        "delete", "restore", "lock", "unlock", "hide", "show", {"merge": {"into": 2}}, "interpolate",
+        {"split": {"frame": 1, "at_px": [1.0, 2.0], "into": 2}}, {"copy": {"frame": 1}},
+    ];
+    list.extend(changes.into_iter().map(range));
+    list
 }
 
 fn recipe_of(command: &Value) -> Value {

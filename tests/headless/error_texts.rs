@@ -130,6 +130,7 @@ fn of_devices() -> Vec<Sample> {
             ["the depths", "5120 MiB", "2048 MiB", "'cpu'"];
         GpuError::Failed { .. } => GpuError::Failed { what: "out of memory".into() }, ["out of memory", "'cpu'"];
         GpuError::Lost { .. } => GpuError::Lost { what: "reset".into() }, ["reset", "'cpu'"];
+        GpuError::NoAnswer { .. } => GpuError::NoAnswer { seconds: 60 }, ["60 s", "'cpu'"];
     });
     let path = || PathBuf::from("xmem.onnx");
     let url = || "https://example.org/xmem.onnx".to_owned();
