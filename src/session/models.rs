@@ -7,7 +7,7 @@ use crate::jobs::Job;
 use crate::requests::{ModelRequest, ModelTask};
 use crate::{Command, Event, JobCompletion, JobKind, Session};
 use ostra_compute::nn::{
-    Added, Catalogue, CheckedFile, Fetched, Row, Verification, add, check, install, list,
+    Added, Catalogue, CheckedFile, Fetched, ModelStatus, Verification, add, check, install, list,
     models_folder,
 };
 use ostra_core::job::JobId;
@@ -18,7 +18,7 @@ use ostra_core::job::{Progress, Stopped};
 /// # Errors
 ///
 /// Returns an error if the system has no data folder.
-pub fn list_models() -> Result<Vec<Row>> {
+pub fn list_models() -> Result<Vec<ModelStatus>> {
     Ok(list(&Catalogue::bundled()?, &models_folder()?))
 }
 

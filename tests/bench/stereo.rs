@@ -15,7 +15,7 @@ use ostra_core::job::Progress;
 use ostra_geometry::{Camera, Pose};
 use ostra_reconstruct::stereo::StereoEngine;
 use ostra_reconstruct::stereo::patchmatch::{
-    PatchMatchOptions, Plane, PlaneMap, PosedImage, Round, Search, Tones,
+    DepthSearch, PatchMatchOptions, Plane, PlaneMap, PosedImage, Round, Tones,
 };
 
 /// Number of images: a reference and its sources.
@@ -74,7 +74,7 @@ fn timed(
 ) -> Result<([PlaneMap; 2], [f64; 2]), Box<dyn Error>> {
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
     let (reference, sources) = (&*images[0], &images[1..]);
-    let task = Search {
+    let task = DepthSearch {
         reference,
         sources,
         depth_range: [1.2, 8.0],

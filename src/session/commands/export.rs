@@ -284,7 +284,7 @@ fn load_cloud(inputs: &ExportInputs, progress: &Progress) -> Result<LabelledClou
                 .context("the project's cloud is gone; fuse again")?
                 .cloud
         }
-        (None, None) => bail!("there is no cloud"),
+        (None, None) => bail!("there is no cloud; fuse first"),
     };
     if inputs.cloud_file.is_some() {
         cloud.tree = inputs.tree_of_today(&cloud.tree);
