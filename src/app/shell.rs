@@ -6,12 +6,14 @@ use super::dialogs::{
     export_ui, image_ui, into_ui, models_ui, new_project_ui, palette_ui, path_ui, relocate_ui,
     sheet_ui, take_picked,
 };
+use super::leave::{Leaving, leaving_ui, waiting_ui};
 use super::menu::menu_bar_ui;
 use super::notices::notices_ui;
 use super::panels::{
     HEAT_HEIGHT, ScenePane, cloud_labels_ui, conflicts_ui, filmstrip_ui, fuse_ui, heat_ui,
     instances_ui, jobs_ui, labels_ui, matches_ui, measures_ui, reconstruct_ui, results_ui,
-    segmenter_ui, status_ui, suggestions_ui, text_prompt_ui, timeline_ui, track_ui, welcome_ui,
+    segmenter_ui, status_ui, suggestions_ui, text_prompt_ui, timeline_ui, track_ui, unfinished_ui,
+    welcome_ui,
 };
 use super::perform::perform;
 use super::textures::Textures;
@@ -26,6 +28,7 @@ pub struct Shell {
     pub view: ViewState,
     textures: Textures,
     scene: ScenePane,
+    leaving: Leaving,
     /// Whether keys went to a menu, list or text field when the window was last drawn.
     took_keys: bool,
 }
@@ -45,6 +48,7 @@ impl Shell {
             view,
             textures,
             scene,
+            leaving: Leaving::default(),
             took_keys: false,
         }
     }
@@ -75,9 +79,11 @@ impl Shell {
         self.view.presence.update(session.project);
         self.view.draft.follow(session.project);
         take_picked(ui.ctx(), &mut self.view);
-        requests
-            .actions
-            .extend(pressed(ui.ctx(), &self.view, self.took_keys));
+        if !self.leaving.is_asking() {
+            requests
+                .actions
+                .extend(pressed(ui.ctx(), &self.view, self.took_keys));
+        }
         self.bars_ui(ui, session, &mut requests);
         if session.has_frames() {
             self.side_panels_ui(ui, session, &mut requests);
@@ -92,6 +98,7 @@ impl Shell {
                 self.panes_ui(ui, session, &mut requests);
             });
         self.dialogs_ui(ui, session, &mut requests);
+        leaving_ui(ui, session, &mut self.leaving, &mut requests.actions);
         if self.view.matches.open && session.has_frames() {
             matches_ui(ui, session, &mut self.view, &mut self.textures);
         }
@@ -107,6 +114,7 @@ impl Shell {
         for action in actions {
             perform(action, ui.ctx(), session, &mut self.view, &mut commands);
         }
+        self.leaving.hold_back(ui.ctx(), session, &mut commands);
         if let Some(images) = session.images {
             images.turn();
         }
@@ -121,6 +129,12 @@ impl Shell {
         Panel::top("menu")
             .frame(bar)
             .show(ui, |ui| menu_bar_ui(ui, session, &self.view, requests));
+        if session.unfinished.is_some() || self.leaving.is_waiting() {
+            Panel::top("pending").frame(bar).show(ui, |ui| {
+                waiting_ui(ui, &mut self.leaving);
+                unfinished_ui(ui, session, &mut self.view, &mut requests.commands);
+            });
+        }
         Panel::bottom("status").frame(bar).show(ui, |ui| {
             status_ui(ui, session, &self.view, &mut requests.actions);
         });

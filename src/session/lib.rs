@@ -65,6 +65,7 @@ mod session;
 #[cfg(test)]
 mod tests;
 mod track_run;
+mod unfinished;
 
 pub use command::{Command, NewProject, Recipe};
 pub use drawings::Drawings;
@@ -87,3 +88,4 @@ pub use requests::{
     TrackSettings,
 };
 pub use session::{JobCompletion, Session};
+pub use unfinished::Unfinished;
