@@ -37,40 +37,38 @@ impl Leaving {
         self.waiting.is_some()
     }
 
-    /// Holds back the closing of the window and of the project while a job runs.
-    pub(super) fn hold_back(
-        &mut self,
-        ctx: &Context,
-        session: &SessionView<'_>,
-        commands: &mut Vec<Command>,
-    ) {
-        let is_busy = job_to_wait_for(session).is_some();
+    /// Holds back the closing of the window while a job runs.
+    pub(super) fn hold_back_quit(&mut self, ctx: &Context, jobs: &[JobView]) {
         let closes = ctx.input(|input| input.viewport().close_requested());
-        if closes && is_busy {
+        if closes && job_to_wait_for(jobs).is_some() {
             ctx.send_viewport_cmd(ViewportCommand::CancelClose);
             self.asked = Some(Departure::Quit);
         }
-        if is_busy && let Some(at) = commands.iter().position(closes_project) {
-            self.asked = Some(Departure::Command(commands.remove(at)));
-        }
-        if is_busy {
+    }
+
+    /// Holds back commands that close the project while a job runs, and carries out what waits for
+    /// the end of the jobs.
+    pub(super) fn hold_back(&mut self, ctx: &Context, jobs: &[JobView], out: &mut Vec<Command>) {
+        self.hold_back_quit(ctx, jobs);
+        if job_to_wait_for(jobs).is_some() {
+            if let Some(at) = out.iter().position(closes_project) {
+                self.asked = Some(Departure::Command(out.remove(at)));
+            }
             return;
         }
         // If the work ends while the question is shown, nothing was decided yet, so all stays open.
         self.asked = None;
         match self.waiting.take() {
             Some(Departure::Quit) => ctx.send_viewport_cmd(ViewportCommand::Close),
-            Some(Departure::Command(command)) => commands.push(command),
+            Some(Departure::Command(command)) => out.push(command),
             None => {}
         }
     }
 }
 
 /// Returns the job whose work would be interrupted.
-fn job_to_wait_for<'a>(session: &SessionView<'a>) -> Option<&'a JobView> {
-    session
-        .jobs
-        .iter()
+fn job_to_wait_for(jobs: &[JobView]) -> Option<&JobView> {
+    jobs.iter()
         .find(|job| job.elapsed.as_secs() >= WORTH_ASKING)
 }
 
@@ -93,7 +91,7 @@ pub(super) fn leaving_ui(
     leaving: &mut Leaving,
     actions: &mut Vec<Action>,
 ) {
-    let (Some(departure), Some(job)) = (&leaving.asked, job_to_wait_for(session)) else {
+    let (Some(departure), Some(job)) = (&leaving.asked, job_to_wait_for(session.jobs)) else {
         return;
     };
     let (wait, stop) = match departure {

@@ -19,7 +19,7 @@ use super::perform::perform;
 use super::textures::Textures;
 use super::tooltips::section_heading;
 use super::{Action, Dialog, Panes, Prefs, SessionView, ViewState};
-use ostra_session::Command;
+use ostra_session::{Command, JobView};
 use ostra_view::Orbit;
 
 /// Everything that is drawn, without the session behind it: a view in, commands out.
@@ -29,6 +29,8 @@ pub struct Shell {
     textures: Textures,
     scene: ScenePane,
     leaving: Leaving,
+    /// Commands that were not issued in a panel.
+    requested: Vec<Command>,
     /// Whether keys went to a menu, list or text field when the window was last drawn.
     took_keys: bool,
 }
@@ -49,6 +51,7 @@ impl Shell {
             textures,
             scene,
             leaving: Leaving::default(),
+            requested: Vec::new(),
             took_keys: false,
         }
     }
@@ -58,6 +61,16 @@ impl Shell {
         self.view.project_changed();
         self.textures.clear();
         self.scene.clear();
+    }
+
+    /// Issues a command as if it were chosen in a panel.
+    pub(super) fn request(&mut self, command: Command) {
+        self.requested.push(command);
+    }
+
+    /// Asks before the window is closed while a job runs, also while nothing is drawn.
+    pub(super) fn hold_back_quit(&mut self, ctx: &Context, jobs: &[JobView]) {
+        self.leaving.hold_back_quit(ctx, jobs);
     }
 
     /// Multiplies scene lengths by `factor`; the 3-D view keeps showing the same part of the scene.
@@ -111,10 +124,12 @@ impl Shell {
             mut commands,
             actions,
         } = requests;
+        commands.append(&mut self.requested);
         for action in actions {
             perform(action, ui.ctx(), session, &mut self.view, &mut commands);
         }
-        self.leaving.hold_back(ui.ctx(), session, &mut commands);
+        self.leaving
+            .hold_back(ui.ctx(), session.jobs, &mut commands);
         if let Some(images) = session.images {
             images.turn();
         }

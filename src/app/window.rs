@@ -139,6 +139,7 @@ impl Window {
             self.title = title;
         }
         self.open_dropped(ctx);
+        self.shell.hold_back_quit(ctx, &self.session.jobs());
     }
 
     /// Draws the window and executes the commands that the user issued.
@@ -392,9 +393,9 @@ impl Window {
             .extension()
             .is_some_and(|ending| ending.eq_ignore_ascii_case("ply"))
         {
-            self.act(Command::Inspect(path));
+            self.shell.request(Command::Inspect(path));
         } else if path.join("project.toml").is_file() {
-            self.act(Command::Open(path));
+            self.shell.request(Command::Open(path));
         } else {
             self.shell.view.new_project = NewProjectForm::with_frames(path.display().to_string());
             self.shell.view.dialog = Some(Dialog::NewProject);

@@ -22,7 +22,7 @@ use ostra_project::{FrameMask, MaskOrigin, Project};
 use ostra_session::JobView;
 use ostra_session::{
     Angles, Command, Engine, Grounding, Images, ProposedInstances, SparseModel, Suggestion,
-    list_engines, list_models,
+    Unfinished, list_engines, list_models,
 };
 
 pub const WIDTH: u32 = 64;
@@ -43,6 +43,7 @@ pub struct Desk {
     pub layers: Option<Layers>,
     pub hovered: Option<Arc<RunMask>>,
     pub jobs: Vec<JobView>,
+    pub unfinished: Option<Unfinished>,
     pub engines: Vec<Engine>,
     pub models: Vec<Row>,
     pub undo: Option<String>,
@@ -74,6 +75,7 @@ impl Desk {
             layers: None,
             hovered: None,
             jobs: Vec::new(),
+            unfinished: None,
             engines: list_engines(),
             models: list_models().unwrap(),
             undo: None,
@@ -117,6 +119,7 @@ impl Desk {
             layers: self.layers.as_ref(),
             hovered: self.hovered.as_ref(),
             jobs: &self.jobs,
+            unfinished: self.unfinished.as_ref(),
             engines: &self.engines,
             models: &self.models,
             undo: self.undo.as_deref(),

@@ -75,6 +75,8 @@ mod thin;
 #[cfg(test)]
 mod two_processes;
 #[cfg(test)]
+mod unfinished;
+#[cfg(test)]
 mod untrusted_projects;
 #[cfg(test)]
 mod wording;
