@@ -17,9 +17,8 @@ use ostra_frames::{Frame, TurntableOptions};
 use ostra_project::export_targets::ExportTargets;
 use ostra_project::{Estimate, Project, scale_between};
 use ostra_session::Event;
-use ostra_session::{Command, Engine, Images, JobView, Recent, Session, list_engines, list_models};
+use ostra_session::{Command, Engine, Images, Recent, Session, list_engines, list_models};
 use ostra_view::{RenderRequest, write_png};
-use rustc_hash::FxHashMap;
 
 /// Opens the window.
 ///

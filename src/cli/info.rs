@@ -30,8 +30,8 @@ pub(super) fn info(args: &InfoArgs) -> Result<()> {
         print_text(&as_text(project));
         if let Some(unfinished) = Unfinished::read(&args.project) {
             print_text(&format!(
-                "reconstruction not finished ({:.0} % done); open the project in the window, or give the same options \
-                 again, to continue it\n",
+                "reconstruction not finished ({:.0} % done): it is running, or it was interrupted; to continue it, open \
+                 the project in the window or give the same options again\n",
                 unfinished.fraction * 100.0
             ));
         }

@@ -9,7 +9,13 @@ use ostra_core::job::{JobId, Overview, ProgressReport, Step, StepState};
 use ostra_project::ReconstructRequest;
 use ostra_session::{Command, JobTask, JobView, Unfinished};
 
-use crate::desk::{Desk, labels};
+use crate::desk::{Desk, labels, press};
+
+const CTRL: Modifiers = Modifiers {
+    ctrl: true,
+    command: true,
+    ..Modifiers::NONE
+};
 
 fn step(title: &str, state: StepState) -> Step {
     Step {
@@ -124,13 +130,13 @@ fn stop_and_quit_stops_the_work_and_then_closes_the_window() {
 fn project_can_be_closed_at_the_end_of_the_work() {
     let mut harness = busy();
     let ask = |harness: &mut Harness<'_, Desk>| {
-        harness.key_press_modifiers(Modifiers::COMMAND, Key::W);
+        press(harness, CTRL, Key::W);
         harness.run_steps(3);
         assert_eq!(harness.state().requested, [], "held back");
     };
     ask(&mut harness);
     // Esc stays, and stops nothing.
-    harness.key_press(Key::Escape);
+    press(&mut harness, Modifiers::NONE, Key::Escape);
     harness.run_steps(3);
     assert!(harness.query_by_label("Reconstruct is running").is_none());
     assert_eq!(harness.state().requested, []);

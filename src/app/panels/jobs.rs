@@ -161,7 +161,7 @@ pub(super) fn run_button_ui(
     }
 }
 
-/// Returns whether labels can be edited while a task runs without making its result stale at once.
+/// Returns `true` if the result of a task does not depend on the labels that are edited meanwhile.
 fn allows_labelling(task: &JobTask) -> bool {
     matches!(task, JobTask::Reconstruct)
 }

@@ -43,9 +43,11 @@ impl Session {
         let Some(record) = &mut self.running_record else {
             return;
         };
-        let mut jobs = self.jobs.iter();
-        let job = jobs.find(|job| record.is_of(job.command.as_ref()));
-        let fraction = job.and_then(|job| job.view().overview.fraction);
+        let fraction = self
+            .jobs
+            .iter()
+            .find(|job| record.is_of(job.command.as_ref()))
+            .and_then(|job| job.view().overview.fraction);
         if let Err(error) = fraction.map_or(Ok(()), |fraction| record.note(fraction)) {
             self.running_record = None;
             self.warn_not_recorded(&error);
