@@ -35,8 +35,10 @@
 //! ```
 
 mod action;
+mod attention;
 mod canvas;
 mod dialogs;
+mod leave;
 mod menu;
 mod notices;
 mod panel_state;

@@ -13,7 +13,7 @@ use ostra_masks::{LabelTree, Region, RunMask};
 use ostra_project::{Estimate, Project};
 use ostra_session::{
     Angles, Drawings, EngineInfo, EngineKind, Grounding, Images, JobTask, JobView,
-    ProposedInstances, SparseReconstruction, Suggestion,
+    ProposedInstances, SparseReconstruction, Suggestion, Unfinished,
 };
 use ostra_view::{Layer, LayerImage, draw_layer};
 
@@ -50,6 +50,8 @@ pub struct SessionView<'a> {
     pub hovered: Option<&'a Arc<RunMask>>,
     /// Running jobs, oldest first.
     pub jobs: &'a [JobView],
+    /// Interrupted work that can be continued.
+    pub unfinished: Option<&'a Unfinished>,
     /// Segmenters, trackers and other engines, installed or not.
     pub engines: &'a [EngineInfo],
     /// All known networks, installed or not.

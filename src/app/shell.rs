@@ -6,18 +6,20 @@ use super::dialogs::{
     export_ui, image_ui, into_ui, models_ui, new_project_ui, palette_ui, path_ui, relocate_ui,
     sheet_ui, take_picked,
 };
+use super::leave::{Leaving, leaving_ui, waiting_ui};
 use super::menu::menu_bar_ui;
 use super::notices::notices_ui;
 use super::panels::{
     HEAT_HEIGHT, ScenePane, cloud_labels_ui, conflicts_ui, filmstrip_ui, fuse_ui, heat_ui,
     instances_ui, jobs_ui, labels_ui, matches_ui, measures_ui, reconstruct_ui, results_ui,
-    segmenter_ui, status_ui, suggestions_ui, text_prompt_ui, timeline_ui, track_ui, welcome_ui,
+    segmenter_ui, status_ui, suggestions_ui, text_prompt_ui, timeline_ui, track_ui, unfinished_ui,
+    welcome_ui,
 };
 use super::perform::perform;
 use super::textures::Textures;
 use super::tooltips::section_heading;
 use super::{Action, Dialog, Panes, Prefs, SessionView, ViewState};
-use ostra_session::Command;
+use ostra_session::{Command, JobView};
 use ostra_view::Orbit;
 
 /// Everything that is drawn, without the session behind it: a view in, commands out.
@@ -26,6 +28,9 @@ pub struct Shell {
     pub view: ViewState,
     textures: Textures,
     scene: ScenePane,
+    leaving: Leaving,
+    /// Commands that were not issued in a panel.
+    requested: Vec<Command>,
     /// Whether keys went to a menu, list or text field when the window was last drawn.
     took_keys: bool,
 }
@@ -45,6 +50,8 @@ impl Shell {
             view,
             textures,
             scene,
+            leaving: Leaving::default(),
+            requested: Vec::new(),
             took_keys: false,
         }
     }
@@ -54,6 +61,16 @@ impl Shell {
         self.view.project_changed();
         self.textures.clear();
         self.scene.clear();
+    }
+
+    /// Issues a command as if it were chosen in a panel.
+    pub(super) fn request(&mut self, command: Command) {
+        self.requested.push(command);
+    }
+
+    /// Asks before the window is closed while a job runs, also while nothing is drawn.
+    pub(super) fn hold_back_quit(&mut self, ctx: &Context, jobs: &[JobView]) {
+        self.leaving.hold_back_quit(ctx, jobs);
     }
 
     /// Multiplies scene lengths by `factor`; the 3-D view keeps showing the same part of the scene.
@@ -75,9 +92,11 @@ impl Shell {
         self.view.presence.update(session.project);
         self.view.draft.follow(session.project);
         take_picked(ui.ctx(), &mut self.view);
-        requests
-            .actions
-            .extend(pressed(ui.ctx(), &self.view, self.took_keys));
+        if !self.leaving.is_asking() {
+            requests
+                .actions
+                .extend(pressed(ui.ctx(), &self.view, self.took_keys));
+        }
         self.bars_ui(ui, session, &mut requests);
         if session.has_frames() {
             self.side_panels_ui(ui, session, &mut requests);
@@ -92,6 +111,7 @@ impl Shell {
                 self.panes_ui(ui, session, &mut requests);
             });
         self.dialogs_ui(ui, session, &mut requests);
+        leaving_ui(ui, session, &mut self.leaving, &mut requests.actions);
         if self.view.matches.open && session.has_frames() {
             matches_ui(ui, session, &mut self.view, &mut self.textures);
         }
@@ -104,9 +124,12 @@ impl Shell {
             mut commands,
             actions,
         } = requests;
+        commands.append(&mut self.requested);
         for action in actions {
             perform(action, ui.ctx(), session, &mut self.view, &mut commands);
         }
+        self.leaving
+            .hold_back(ui.ctx(), session.jobs, &mut commands);
         if let Some(images) = session.images {
             images.turn();
         }
@@ -121,6 +144,12 @@ impl Shell {
         Panel::top("menu")
             .frame(bar)
             .show(ui, |ui| menu_bar_ui(ui, session, &self.view, requests));
+        if session.unfinished.is_some() || self.leaving.is_waiting() {
+            Panel::top("pending").frame(bar).show(ui, |ui| {
+                waiting_ui(ui, &mut self.leaving);
+                unfinished_ui(ui, session, &mut self.view, &mut requests.commands);
+            });
+        }
         Panel::bottom("status").frame(bar).show(ui, |ui| {
             status_ui(ui, session, &self.view, &mut requests.actions);
         });

@@ -88,6 +88,8 @@ pub struct ViewState {
     pub confirmed_path: Option<PathBuf>,
     /// File to write the history to as a recipe.
     pub recipe_to: Option<RecipeTarget>,
+    /// Whether the offer to continue interrupted work was dismissed.
+    pub dismisses_unfinished: bool,
     /// State of the shortcut sheet.
     pub sheet: SheetState,
     /// Text and minimum score of the search by text.
@@ -255,6 +257,7 @@ impl ViewState {
             path_text: String::new(),
             confirmed_path: None,
             recipe_to: None,
+            dismisses_unfinished: false,
             sheet: SheetState::default(),
             text_prompt: TextPrompt::default(),
             palette_text: String::new(),

@@ -1,10 +1,12 @@
 use std::f32::consts::TAU;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Instant;
 
 use anyhow::Result;
 use egui::{Context, ViewportBuilder, ViewportCommand};
 
+use super::attention::{Attention, title_with_progress};
 use super::dialogs::{NewProjectForm, ScreenshotRequest, Take};
 use super::theme::set_theme;
 use super::view_state::RecipeTarget;
@@ -58,6 +60,7 @@ pub struct Window {
     models: Vec<ModelStatus>,
     recent: Recent,
     title: String,
+    attention: Attention,
     /// Recomputed when the project changes.
     estimate: Option<Estimate>,
     estimate_due: bool,
@@ -101,6 +104,7 @@ impl Window {
             models: list_models().unwrap_or_default(),
             recent,
             title: String::new(),
+            attention: Attention::default(),
             estimate: None,
             estimate_due: false,
         }
@@ -120,6 +124,11 @@ impl Window {
     /// Processes the events since the last call; takes little time.
     pub fn poll(&mut self, ctx: &Context) {
         for event in self.session.poll() {
+            if self.attention.is_due(&event, Instant::now()) && !ctx.input(|input| input.focused) {
+                ctx.send_viewport_cmd(ViewportCommand::RequestUserAttention(
+                    egui::UserAttentionType::Informational,
+                ));
+            }
             self.take(event);
         }
         self.follow_frames(ctx);
@@ -129,6 +138,7 @@ impl Window {
             self.title = title;
         }
         self.open_dropped(ctx);
+        self.shell.hold_back_quit(ctx, &self.session.jobs());
     }
 
     /// Draws the window and executes the commands that the user issued.
@@ -151,6 +161,7 @@ impl Window {
             recent: self.recent.paths(),
             before: before.as_ref(),
             estimate: self.estimate,
+            unfinished: self.session.unfinished(),
             ..view_of(&self.session, &self.nothing, view)
         };
         let requested = self.shell.ui(ui, &session);
@@ -182,6 +193,9 @@ impl Window {
             .prepare(self.shell.view.frame, self.shell.view.segmenter);
         self.session.hover(self.shell.view.hover_request.clone());
         self.session.select(&self.shell.view.scene_select.steps);
+        if std::mem::take(&mut self.shell.view.dismisses_unfinished) {
+            self.session.dismiss_unfinished();
+        }
         if let Some(target) = self.shell.view.recipe_to.take() {
             self.save_recipe(&target);
         }
@@ -296,9 +310,10 @@ impl Window {
         } else {
             ""
         };
-        open.map_or("OSTRA".into(), |name| {
+        let title = open.map_or("OSTRA".into(), |name| {
             format!("{}{access} – OSTRA", name.to_string_lossy())
-        })
+        });
+        title_with_progress(&title, &self.session.jobs())
     }
 
     /// Renders an image or video of the 3-D view in the background.
@@ -377,9 +392,9 @@ impl Window {
             .extension()
             .is_some_and(|ending| ending.eq_ignore_ascii_case("ply"))
         {
-            self.act(Command::Inspect(path));
+            self.shell.request(Command::Inspect(path));
         } else if path.join("project.toml").is_file() {
-            self.act(Command::Open(path));
+            self.shell.request(Command::Open(path));
         } else {
             self.shell.view.new_project = NewProjectForm::with_frames(path.display().to_string());
             self.shell.view.dialog = Some(Dialog::NewProject);
@@ -454,6 +469,7 @@ fn view_of<'a>(
         angles: measures.open.then(|| session.angles(measures.pairs())),
         unit: session.length_unit(),
         estimate: None,
+        unfinished: None,
     }
 }
 

@@ -12,6 +12,7 @@ use super::stop;
 use ostra_cloud::conflicts::FrameConflict;
 use ostra_cloud::fuse::Votes;
 use ostra_cloud::{LabelledCloud, LabelledMesh};
+use ostra_core::job::{Step, StepState, time_left_text};
 use ostra_frames::{Image, TurntableOptions};
 use ostra_masks::LabelId;
 use ostra_project::Project;
@@ -180,11 +181,11 @@ fn report(events: Vec<Event>) -> Result<()> {
 
 /// Progress of jobs on standard error.
 ///
-/// On a terminal one line is redrawn, otherwise a new line is printed every few seconds.
+/// On a terminal one bar over all stages is redrawn, otherwise a new line is printed every few seconds.
 #[derive(Default)]
 pub(super) struct ProgressLines {
     shown: Option<(String, Instant)>,
-    /// Progress line on a terminal.
+    /// Bar on a terminal.
     bar: Option<ProgressBar>,
 }
 
@@ -210,17 +211,7 @@ impl ProgressLines {
     }
 
     fn show(&mut self, job: &JobView) {
-        let report = &job.report;
-        let stage = if report.stage.is_empty() {
-            &job.title
-        } else {
-            &report.stage
-        };
-        let text = match report.total {
-            0 => format!("{stage} …"),
-            total => format!("{stage} {}/{total}", report.done),
-        };
-        let text = printable(&text);
+        let text = printable(&progress_text(job));
         // A terminal that cannot move its cursor (`TERM=dumb`) has no redrawn line either.
         let terminal = !ProgressDrawTarget::stderr().is_hidden();
         let pause = if terminal {
@@ -236,9 +227,10 @@ impl ProgressLines {
             });
         if due {
             if terminal {
-                self.bar
-                    .get_or_insert_with(terminal_line)
-                    .set_message(text.clone());
+                let bar = self.bar.get_or_insert_with(terminal_bar);
+                let fraction = job.overview.fraction.unwrap_or(0.0);
+                bar.set_position((fraction * BAR_UNITS as f64) as u64);
+                bar.set_message(text.clone());
             } else {
                 print_to_stderr(&format!("{text}\n"));
             }
@@ -247,12 +239,36 @@ impl ProgressLines {
     }
 }
 
-/// Returns a progress line that is truncated to the width of the terminal.
-fn terminal_line() -> ProgressBar {
-    let line = ProgressBar::no_length();
-    match ProgressStyle::with_template("{wide_msg}") {
-        Ok(style) => line.with_style(style),
-        Err(_) => line,
+/// Returns the stage of a job, what is done of it, and the time left of the whole job.
+fn progress_text(job: &JobView) -> String {
+    let (report, steps) = (&job.report, &job.overview.steps);
+    let running = |step: &Step| step.state == StepState::Running;
+    let mut text = match steps.iter().position(running) {
+        Some(at) if steps.len() > 1 => {
+            format!("{} of {}: {}", at + 1, steps.len(), steps[at].title)
+        }
+        _ if report.stage.is_empty() => job.title.clone(),
+        _ => report.stage.clone(),
+    };
+    match report.total {
+        0 => text.push_str(" …"),
+        total => text.push_str(&format!(" {}/{total}", report.done)),
+    }
+    if let Some(left) = job.overview.left {
+        text.push_str(&format!(", {}", time_left_text(left)));
+    }
+    text
+}
+
+/// Length of the bar of a job over all its stages.
+const BAR_UNITS: u64 = 1000;
+
+/// Returns a bar whose message is truncated to the width of the terminal.
+fn terminal_bar() -> ProgressBar {
+    let bar = ProgressBar::new(BAR_UNITS);
+    match ProgressStyle::with_template("{bar:20} {percent:>3} % {wide_msg}") {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
     }
 }
 

@@ -9,6 +9,7 @@ use super::drive::Driver;
 use super::print::{print_json, print_text, warn};
 use ostra_frames::{Frame, missing_sources};
 use ostra_project::{MaskOrigin, Project, ResultKind};
+use ostra_session::Unfinished;
 
 #[derive(Debug, Args)]
 pub(super) struct InfoArgs {
@@ -27,6 +28,13 @@ pub(super) fn info(args: &InfoArgs) -> Result<()> {
         print_json(&as_json(project));
     } else {
         print_text(&as_text(project));
+        if let Some(unfinished) = Unfinished::read(&args.project) {
+            print_text(&format!(
+                "reconstruction not finished ({:.0} % done): it is running, or it was interrupted; to continue it, open \
+                 the project in the window or give the same options again\n",
+                unfinished.fraction * 100.0
+            ));
+        }
     }
     Ok(())
 }

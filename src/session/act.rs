@@ -17,6 +17,9 @@ impl Session {
         command.check_numbers(self.project().map(AsRef::as_ref))?;
         let begun = self.begin(&command)?;
         self.interactions += usize::from(command.is_interaction());
+        if begun.is_some() {
+            self.record_begun(&command);
+        }
         match begun.and_then(|id| self.jobs.get_mut(id)) {
             Some(job) => job.command = Some(command),
             None => self.record(Some(command)),

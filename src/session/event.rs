@@ -2,7 +2,7 @@ use crate::job_task::JobTask;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use ostra_core::job::{JobId, ProgressReport};
+use ostra_core::job::{JobId, Overview, ProgressReport};
 use ostra_masks::LabelId;
 
 /// Something that happened since the last [`crate::Session::poll`]; events are in order.
@@ -72,7 +72,7 @@ pub enum Event {
 }
 
 /// A running job, as window and command line show it.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct JobView {
     /// Id of the job.
     pub id: JobId,
@@ -80,8 +80,10 @@ pub struct JobView {
     pub title: String,
     /// Task by which panels find the job.
     pub task: Option<JobTask>,
-    /// Progress of the job.
+    /// Progress of the current stage.
     pub report: ProgressReport,
+    /// Progress over all stages.
+    pub overview: Overview,
     /// Time since its start.
     pub elapsed: Duration,
 }

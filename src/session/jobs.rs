@@ -310,6 +310,7 @@ impl<S: 'static> Job<S> {
             title: self.title.clone(),
             task: self.task.clone(),
             report: self.running.progress().report(),
+            overview: self.running.progress().overview(),
             elapsed: self.started.elapsed(),
         }
     }

@@ -66,6 +66,7 @@ mod session;
 #[cfg(test)]
 mod tests;
 mod track_run;
+mod unfinished;
 
 pub use command::{Command, NewProject, Recipe};
 pub use drawings::Drawings;
@@ -91,3 +92,4 @@ pub use requests::{
     TrackSettings,
 };
 pub use session::{JobCompletion, Session};
+pub use unfinished::Unfinished;

@@ -27,6 +27,7 @@ impl Session {
         while let Some((job, result)) = self.jobs.take_ended() {
             self.take_result(job, result);
         }
+        self.record_progress();
         self.start_background_jobs();
         self.checkpoint_if_due();
         std::mem::take(&mut self.events)
@@ -109,6 +110,7 @@ impl Session {
             Some(error) => Err(error),
             None => result.and_then(|completion| completion(self)),
         };
+        self.end_record(&job, result.is_err() && stopped && !failed);
         let (id, title) = (job.id, job.title);
         let event = match result {
             Ok(()) => {

@@ -14,6 +14,7 @@ use crate::queries::{
 };
 use crate::query::Query;
 use crate::track_run::TrackRun;
+use crate::unfinished::{RunningRecord, Unfinished};
 use crate::{
     Event, Grounding, JobView, PromptRequest, ProposedInstances, Recipe, SparseReconstruction,
     Suggestion,
@@ -49,6 +50,8 @@ pub struct Session {
     pub(crate) interactions: usize,
     pub(crate) suggestions: Vec<Suggestion>,
     pub(crate) grounding: Option<Grounding>,
+    pub(crate) unfinished: Option<Unfinished>,
+    pub(crate) running_record: Option<RunningRecord>,
 }
 
 /// Results of background jobs for the open project.
@@ -95,6 +98,8 @@ impl Session {
             interactions: 0,
             suggestions: Vec::new(),
             grounding: None,
+            unfinished: None,
+            running_record: None,
         }
     }
 

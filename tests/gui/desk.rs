@@ -22,7 +22,7 @@ use ostra_project::{FrameMask, MaskOrigin, Project};
 use ostra_session::JobView;
 use ostra_session::{
     Angles, Command, EngineInfo, Grounding, Images, ProposedInstances, SparseReconstruction,
-    Suggestion, list_engines, list_models,
+    Suggestion, Unfinished, list_engines, list_models,
 };
 
 pub const WIDTH: u32 = 64;
@@ -45,6 +45,7 @@ pub struct Desk {
     pub jobs: Vec<JobView>,
     pub engines: Vec<EngineInfo>,
     pub models: Vec<ModelStatus>,
+    pub unfinished: Option<Unfinished>,
     pub undo: Option<String>,
     pub recent: Vec<PathBuf>,
     pub before: Option<Arc<RunMask>>,
@@ -74,6 +75,7 @@ impl Desk {
             layers: None,
             hovered: None,
             jobs: Vec::new(),
+            unfinished: None,
             engines: list_engines(),
             models: list_models().unwrap(),
             undo: None,
@@ -117,6 +119,7 @@ impl Desk {
             layers: self.layers.as_ref(),
             hovered: self.hovered.as_ref(),
             jobs: &self.jobs,
+            unfinished: self.unfinished.as_ref(),
             engines: &self.engines,
             models: &self.models,
             undo: self.undo.as_deref(),

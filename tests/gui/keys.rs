@@ -7,7 +7,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use ostra_app::{Action, Dialog, Layers, Shortcuts};
 use ostra_core::job::JobId;
-use ostra_core::job::ProgressReport;
+use ostra_core::job::{Overview, ProgressReport};
 use ostra_masks::{Direction, LabelId};
 use ostra_session::Command;
 use ostra_session::JobView;
@@ -272,6 +272,7 @@ fn long_job() -> JobView {
         title: "Reconstruct".into(),
         task: Some(ostra_session::JobTask::Reconstruct),
         report,
+        overview: Overview::default(),
         elapsed: Duration::from_secs(180),
     }
 }

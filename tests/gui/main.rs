@@ -33,6 +33,8 @@ mod measures;
 #[cfg(test)]
 mod panels;
 #[cfg(test)]
+mod running;
+#[cfg(test)]
 mod scene;
 #[cfg(test)]
 mod select;

@@ -79,6 +79,8 @@ mod two_processes;
 #[cfg(test)]
 mod type_names;
 #[cfg(test)]
+mod unfinished;
+#[cfg(test)]
 mod untrusted_projects;
 #[cfg(test)]
 mod wording;

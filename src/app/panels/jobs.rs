@@ -1,5 +1,6 @@
 use egui::{ProgressBar, RichText, Ui};
-use ostra_session::JobTask;
+use ostra_core::job::{StepState, time_left_text};
+use ostra_session::{Command, JobTask};
 
 use crate::canvas::id_at;
 use crate::tooltips::{action_button, grouped};
@@ -109,21 +110,18 @@ pub(crate) fn jobs_ui(
     actions: &mut Vec<Action>,
 ) {
     for job in session.slow_jobs() {
-        let detail = match (job.report.total, job.report.stage.as_str()) {
-            (0, stage) => stage.to_owned(),
-            (total, stage) => format!("{stage} {} of {total}", job.report.done),
-        };
-        ui.horizontal(|ui| {
-            ui.strong(&job.title);
-            ui.weak(detail.trim());
-        });
-        let report = &job.report;
-        let share = report.done as f32 / report.total.max(1) as f32;
-        let bar = ProgressBar::new(share)
+        ui.strong(&job.title);
+        let fraction = job.overview.fraction;
+        let bar = ProgressBar::new(fraction.unwrap_or(0.0) as f32)
             .desired_height(6.0)
-            .animate(report.total == 0);
+            .animate(fraction.is_none());
         ui.add(bar)
             .accessible_name(format!("Progress of {}", job.title));
+        ui.label(step_text(job));
+        steps_ui(ui, job);
+        if job.task.as_ref().is_some_and(allows_labelling) {
+            ui.weak("You can go on labelling meanwhile");
+        }
     }
     if action_button(ui, &view.prefs.shortcuts, Action::Stop, "Stop all", true).clicked() {
         actions.push(Action::Stop);
@@ -163,11 +161,102 @@ pub(super) fn run_button_ui(
     }
 }
 
+/// Returns `true` if the result of a task does not depend on the labels that are edited meanwhile.
+fn allows_labelling(task: &JobTask) -> bool {
+    matches!(task, JobTask::Reconstruct)
+}
+
+/// Lists the steps of a job: those done with a tick, the running one in bold, those to come.
+fn steps_ui(ui: &mut Ui, job: &JobView) {
+    let steps = &job.overview.steps;
+    if steps.len() < 2 {
+        return;
+    }
+    for step in steps {
+        let (mark, state) = match step.state {
+            StepState::Done => ("✔", "done"),
+            StepState::Running => ("▶", "running"),
+            StepState::ToCome => ("·", "to come"),
+        };
+        let text = RichText::new(format!("{mark} {}", step.title));
+        let text = match step.state {
+            StepState::Running => text.strong(),
+            StepState::Done | StepState::ToCome => text.weak(),
+        };
+        ui.label(text)
+            .accessible_name(format!("{}: {state}", step.title));
+    }
+}
+
+/// Returns the running step of a job, its number and the time left.
+fn step_text(job: &JobView) -> String {
+    let steps = &job.overview.steps;
+    let running = steps
+        .iter()
+        .position(|step| step.state == StepState::Running);
+    let step = match running {
+        Some(at) if steps.len() > 1 => {
+            format!("Step {} of {}: {}", at + 1, steps.len(), steps[at].title)
+        }
+        Some(at) => steps[at].title.clone(),
+        None => "Starting".into(),
+    };
+    match job.overview.left {
+        Some(left) => format!("{step} – {}", time_left_text(left)),
+        None => step,
+    }
+}
+
+/// Returns how far a job is and the time left, as text.
+pub(crate) fn percent_text(job: &JobView) -> String {
+    let percent = job
+        .overview
+        .fraction
+        .map(|fraction| format!("{:.0} %", (fraction * 100.0).floor()));
+    let left = job.overview.left.map(time_left_text);
+    match (percent, left) {
+        (Some(percent), Some(left)) => format!("{percent}, {left}"),
+        (Some(text), None) | (None, Some(text)) => text,
+        (None, None) => "in progress".into(),
+    }
+}
+
 /// Returns the progress of a job as text.
 pub(crate) fn progress_text(job: &JobView) -> String {
-    let report = &job.report;
-    match (report.done * 100).checked_div(report.total) {
-        Some(share) => format!("{} {share} %", report.stage),
-        None => format!("{}…", report.stage),
+    let steps = &job.overview.steps;
+    let running = steps.iter().find(|step| step.state == StepState::Running);
+    match running {
+        Some(step) => format!("{}, {}", step.title, percent_text(job)),
+        None => percent_text(job),
     }
+}
+
+/// Offers to continue work that was interrupted.
+pub(crate) fn unfinished_ui(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    commands: &mut Vec<Command>,
+) {
+    let Some(unfinished) = session.unfinished else {
+        return;
+    };
+    ui.horizontal_wrapped(|ui| {
+        ui.strong(format!(
+            "Reconstruction was interrupted at about {:.0} %",
+            unfinished.fraction * 100.0
+        ));
+        let go_on = ui
+            .button("Continue")
+            .on_hover_text("Continue with the same options; finished parts are used again")
+            .accessible_name("Continue reconstruction");
+        if go_on.clicked() {
+            commands.push(unfinished.command.clone());
+        }
+        let dismiss = ui
+            .button("Dismiss")
+            .on_hover_text("Do not ask again; finished parts are kept")
+            .accessible_name("Dismiss interrupted reconstruction");
+        view.dismisses_unfinished |= dismiss.clicked();
+    });
 }

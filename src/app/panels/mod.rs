@@ -30,7 +30,7 @@ pub(super) use conflicts::{conflicts_ui, next_worst};
 pub(super) use filmstrip::filmstrip_ui;
 pub(super) use fuse::{fuse_ui, instances_ui, results_ui};
 pub(super) use heat::{HEAT_HEIGHT, heat_ui};
-pub(super) use jobs::{jobs_ui, progress_text, status_ui};
+pub(super) use jobs::{jobs_ui, percent_text, progress_text, status_ui, unfinished_ui};
 pub(super) use label_edit::{ListedLabel, listed};
 pub(super) use labels::{add_label, cloud_labels_ui, labels_ui};
 pub(super) use matches::matches_ui;

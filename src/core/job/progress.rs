@@ -1,5 +1,8 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use super::schedule::{PlannedStage, Schedule, Step};
 
 /// The running work was asked to stop; whatever was finished before is kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -17,18 +20,46 @@ pub struct ProgressReport {
     pub total: usize,
 }
 
+/// How far a job is over all its stages.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Overview {
+    /// Share of the job that is done, from 0 to 1. It never decreases. `None` if nothing says so.
+    pub fraction: Option<f64>,
+    /// Time left at the measured pace; `None` while it is not known.
+    pub left: Option<Duration>,
+    /// Steps done, running and to come, in order.
+    pub steps: Vec<Step>,
+}
+
 /// A handle shared by a job and its observers, for reporting progress and requesting a stop.
 #[derive(Debug, Clone, Default)]
 pub struct Progress {
     shared: Arc<ProgressState>,
-    /// State of the jobs that this one is a part of.
+    /// ReportState of the jobs that this one is a part of.
     wholes: Vec<Arc<ProgressState>>,
 }
 
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct ProgressState {
     stop: AtomicBool,
-    report: Mutex<ProgressReport>,
+    state: Mutex<ReportState>,
+    begun: Instant,
+}
+
+#[derive(Debug, Default)]
+struct ReportState {
+    report: ProgressReport,
+    schedule: Schedule,
+}
+
+impl Default for ProgressState {
+    fn default() -> Self {
+        Self {
+            stop: AtomicBool::default(),
+            state: Mutex::default(),
+            begun: Instant::now(),
+        }
+    }
 }
 
 impl Progress {
@@ -51,17 +82,35 @@ impl Progress {
         }
     }
 
+    /// Announces the stages to come, in order.
+    ///
+    /// The weights divide one bar over all of them. Stages that are already running or done stay.
+    pub fn plan(&self, stages: &[PlannedStage]) {
+        self.lock().schedule.plan(stages);
+    }
+
+    /// Announces further stages, which come before those already announced.
+    ///
+    /// The bar goes on from where it is.
+    pub fn plan_next(&self, stages: &[PlannedStage]) {
+        self.lock().schedule.extend(stages);
+    }
+
     /// Starts a new stage without progress.
+    ///
+    /// If it was announced, announced stages before it are left out; otherwise it is added.
     ///
     /// # Errors
     /// [`Stopped`] if a stop was requested.
     #[inline]
     pub fn stage(&self, name: &str) -> Result<(), Stopped> {
-        let mut report = self.lock();
+        let mut state = self.lock();
+        state.schedule.begin(name, self.shared.begun.elapsed());
+        let report = &mut state.report;
         report.stage.clear();
         report.stage.push_str(name);
         (report.done, report.total) = (0, 0);
-        drop(report);
+        drop(state);
         self.check()
     }
 
@@ -73,9 +122,14 @@ impl Progress {
     /// [`Stopped`] if a stop was requested.
     #[inline]
     pub fn step(&self, done: usize, total: usize) -> Result<(), Stopped> {
-        let mut report = self.lock();
-        (report.done, report.total) = (done, total);
-        drop(report);
+        let mut state = self.lock();
+        (state.report.done, state.report.total) = (done, total);
+        if total > 0 {
+            let share = done as f64 / total as f64;
+            let now = || self.shared.begun.elapsed();
+            state.schedule.report(share, now);
+        }
+        drop(state);
         self.check()
     }
 
@@ -103,12 +157,24 @@ impl Progress {
     #[must_use]
     #[inline]
     pub fn report(&self) -> ProgressReport {
-        self.lock().clone()
+        self.lock().report.clone()
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, ProgressReport> {
+    /// Returns how far the job is over all its stages.
+    #[must_use]
+    pub fn overview(&self) -> Overview {
+        let now = self.shared.begun.elapsed();
+        let schedule = &mut self.lock().schedule;
+        Overview {
+            fraction: schedule.fraction(),
+            left: schedule.left(now),
+            steps: schedule.steps(),
+        }
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, ReportState> {
         self.shared
-            .report
+            .state
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
     }
@@ -116,7 +182,27 @@ impl Progress {
 
 #[cfg(test)]
 mod tests {
+    use super::super::StepState;
     use super::*;
+
+    #[test]
+    fn overview_covers_all_announced_stages() {
+        let progress = Progress::default();
+        assert_eq!(progress.overview(), Overview::default());
+        progress.plan(&[
+            PlannedStage::new("match", "Match images", 1.0),
+            PlannedStage::new("map", "Compute cameras", 1.0),
+        ]);
+        progress.stage("match").unwrap();
+        progress.step(1, 2).unwrap();
+        progress.step(2, 2).unwrap();
+        progress.stage("map").unwrap();
+        let overview = progress.overview();
+        assert_eq!(overview.fraction, Some(0.5));
+        let states: Vec<_> = overview.steps.iter().map(|step| step.state).collect();
+        assert_eq!(states, [StepState::Done, StepState::Running]);
+        assert_eq!(overview.steps[1].title, "Compute cameras");
+    }
 
     #[test]
     fn part_stops_alone_or_with_the_whole() {

@@ -27,4 +27,4 @@ pub use error::RgbdError;
 pub use join::RgbdOptions;
 pub use link::{FrameLink, LinkKind};
 pub use odometry::OnPose;
-pub use register_rgbd::{RgbdRequest, RgbdResult, register_rgbd};
+pub use register_rgbd::{RgbdRequest, RgbdResult, planned_stages, register_rgbd};

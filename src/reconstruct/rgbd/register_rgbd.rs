@@ -13,7 +13,7 @@ use super::scan::{Scan, scan, scans};
 use super::{RgbdError, RgbdOptions};
 use crate::sfm::retrieval::{Vocabulary, most_alike};
 use crate::sfm::{FeatureExtractor, FeatureMatcher, Features, RegistrationStatus};
-use ostra_core::job::Progress;
+use ostra_core::job::{PlannedStage, Progress};
 use ostra_core::statistics::upper_median;
 use ostra_frames::{Frame, FrameCamera, FrameStore};
 use ostra_geometry::Pose;
@@ -55,6 +55,34 @@ pub struct RgbdResult {
 const NEAR: usize = 10;
 /// Rounds in which more links are made where poses show overlap.
 const ROUNDS: usize = 2;
+
+/// Returns the stages of calibration and [`register_rgbd`] for so many chosen frames and frames between.
+///
+/// Weights are rough seconds on a desktop processor, as in [`crate::sfm::planned_stages`].
+#[must_use]
+pub fn planned_stages(chosen: usize, between: usize) -> Vec<PlannedStage> {
+    let (chosen, between) = (chosen as f64, between as f64);
+    let stage = PlannedStage::new;
+    let mut stages = vec![
+        stage(
+            "compare images with depth maps",
+            "Compare images with depth",
+            4.0,
+        ),
+        stage("read frames", "Read frames", 0.3 * chosen),
+        stage("odometry", "Follow the camera", 0.4 * chosen),
+        stage("loops", "Find places seen again", 0.4 * chosen),
+        stage("join fragments", "Join the parts", 0.3 * chosen),
+    ];
+    if between > 0.0 {
+        stages.push(stage(
+            "place the frames between",
+            "Place the frames between",
+            0.5 * between,
+        ));
+    }
+    stages
+}
 
 /// Estimates the cameras of an RGB-D recording from its depth and images.
 ///

@@ -6,12 +6,44 @@ use super::registration_report::{RegistrationReport, RegistrationStatus, why_no_
 use super::request::{SfmRequest, error_px, frame_cameras, sparse_points};
 use super::retry_unregistered::{Attempt, retry_unregistered};
 use super::{
-    CameraGroups, Features, KeypointId, MapImage, MapProblem, Mapped, MatchedImages, SfmError,
-    SfmResult, SparseModel, TriedPair, choose_pairs, map, match_pairs, metric_scale,
+    CameraGroups, Features, KeypointId, MapImage, MapProblem, Mapped, MatchedImages, PairOptions,
+    SfmError, SfmResult, SparseModel, TriedPair, choose_pairs, map, match_pairs, metric_scale,
 };
-use ostra_core::job::Progress;
+use ostra_core::job::{PlannedStage, Progress};
 use ostra_core::statistics::upper_median;
 use ostra_frames::{Frame, FrameStore, ImageSource};
+
+/// Returns the stages of [`structure_from_motion`] for so many images in the model and between.
+///
+/// Weights are rough seconds on a desktop processor. The pace of the machine, and the time of other
+/// engines, are measured while the stages run.
+#[must_use]
+pub fn planned_stages(mapped: usize, located: usize, has_depth: bool) -> Vec<PlannedStage> {
+    let stage = PlannedStage::new;
+    let options = PairOptions::default();
+    let pairs = if mapped <= options.exhaustive_up_to {
+        mapped * mapped.saturating_sub(1) / 2
+    } else {
+        mapped * (options.window + options.alike)
+    };
+    let (images, located, pairs) = (mapped as f64, located as f64, pairs as f64);
+    let mut stages = vec![
+        stage("find features", "Find features", images),
+        stage("match", "Match images", 0.06 * pairs),
+        stage("map", "Compute cameras", 0.4 * images),
+    ];
+    if located > 0.0 {
+        stages.push(stage(
+            "place the frames between",
+            "Place the frames between",
+            1.2 * located,
+        ));
+    }
+    if has_depth {
+        stages.push(stage("scale", "Compute cameras", 0.1 * images));
+    }
+    stages
+}
 
 /// Estimates cameras and sparse points from images.
 ///

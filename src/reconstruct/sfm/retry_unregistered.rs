@@ -14,7 +14,7 @@ use super::{
     FeatureMatcher, Features, ImageFeatures, MapProblem, Mapped, SfmError, SparseModel, TriedPair,
     map,
 };
-use ostra_core::job::Progress;
+use ostra_core::job::{PlannedStage, Progress};
 use ostra_frames::FrameStore;
 
 /// Maximum number of images in the second attempt; those with most matches with one other come first.
@@ -85,6 +85,18 @@ fn retry(
     if images.is_empty() {
         return Ok(gained);
     }
+    progress.plan_next(&[
+        PlannedStage::new(
+            "match unregistered images again",
+            "Match left-over images again",
+            2.0 * images.len() as f64,
+        ),
+        PlannedStage::new(
+            "map",
+            "Compute cameras again",
+            0.4 * first.images.len() as f64,
+        ),
+    ]);
     progress.stage("match unregistered images again")?;
     for (done, &image) in images.iter().enumerate() {
         progress.step(done, images.len())?;

@@ -19,7 +19,9 @@ pub use filter::FilterOptions;
 pub use fusion::{Contributor, DenseCloud, FusedView, FusionOptions, FusionRequest, fuse_depths};
 pub use gpu::StereoEngine;
 pub use maps::{DepthEstimate, DepthStore, InMemoryDepthStore, Stage};
-pub use pipeline::{RasterMask, StereoOptions, StereoRequest, ViewOutcome, estimate_depths};
+pub use pipeline::{
+    RasterMask, StereoOptions, StereoRequest, ViewOutcome, estimate_depths, planned_stages,
+};
 pub use raster::{raster_camera, raster_image};
 pub use select::{SelectOptions, SourceView, select_sources};
 pub use sparse::{SparseOptions, SparseRequest, sparse_from_cameras};

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::error::StereoError;
 use super::raster::{raster_camera, raster_image, tones};
 use crate::sfm::{FeatureExtractor, FeatureMatcher, Features, PairOptions, choose_pairs};
-use ostra_core::job::Progress;
+use ostra_core::job::{PlannedStage, Progress};
 use ostra_core::union_find::DisjointSets;
 use ostra_frames::cameras::{SparseKeypoint, SparsePoint, SparsePoints};
 use ostra_frames::{Frame, FrameStore};
@@ -87,6 +87,12 @@ pub fn sparse_from_cameras(
         extractor,
         matcher,
     } = *request;
+    let count = views.len() as f64;
+    progress.plan_next(&[
+        PlannedStage::new("features", "Find features", count),
+        PlannedStage::new("match", "Match images", count),
+        PlannedStage::new("sparse points", "Compute points", 0.1 * count),
+    ]);
     progress.stage("features")?;
     let mut found = Vec::new();
     for (done, &number) in views.iter().enumerate() {

@@ -17,8 +17,7 @@ use ostra_cloud::LabelledCloud;
 use ostra_cloud::formats::save_origin;
 use ostra_cloud::measure::LengthUnit;
 use ostra_cloud::ply::read_ply;
-use ostra_core::job::JobId;
-use ostra_core::job::Progress;
+use ostra_core::job::{JobId, PlannedStage, Progress};
 use ostra_frames::cameras::{ModelEncoding, SparsePoints, with_text_names, write_colmap_model};
 use ostra_frames::{Image, TurntableOptions, write_turntable};
 use ostra_masks::{Label, LabelId, LabelTree};
@@ -34,6 +33,7 @@ impl Session {
         check_targets(request, &targets)?;
         let request = request.clone();
         Ok(self.start("Export", JobKind::Short, move |context| {
+            context.progress.plan(&planned_stages(&request));
             let warnings = write(&request, &inputs, &targets, &context.progress)?;
             Ok(Box::new(move |session: &mut Self| {
                 session.warn_all(warnings);
@@ -156,6 +156,47 @@ impl Session {
             unit,
         })
     }
+}
+
+/// Returns the stages of an export, in the order of [`write_targets`].
+fn planned_stages(request: &ExportRequest) -> Vec<PlannedStage> {
+    let stage = PlannedStage::new;
+    let all = [
+        (
+            request.cloud.is_some(),
+            stage("write cloud", "Write cloud", 2.0),
+        ),
+        (
+            request.voxels.is_some(),
+            stage("write voxels", "Write voxels", 2.0),
+        ),
+        (
+            request.traits.is_some(),
+            stage("measure", "Measure traits", 4.0),
+        ),
+        (
+            request.mesh.is_some() && request.simplify.is_some(),
+            stage("simplify mesh", "Simplify mesh", 4.0),
+        ),
+        (
+            request.mesh.is_some(),
+            stage("write mesh", "Write mesh", 2.0),
+        ),
+        (
+            request.undistorted.is_some(),
+            stage("write undistorted images", "Write undistorted images", 4.0),
+        ),
+        (
+            request.masks.is_some(),
+            stage("export masks", "Write masks", 2.0),
+        ),
+        (
+            request.depths.is_some(),
+            stage("write depths", "Write depth maps", 3.0),
+        ),
+    ];
+    let wanted = all.into_iter().filter(|(is_wanted, _)| *is_wanted);
+    wanted.map(|(_, stage)| stage).collect()
 }
 
 /// Writes the requested files and returns warnings for the user.

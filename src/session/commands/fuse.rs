@@ -14,8 +14,7 @@ use ostra_cloud::fuse::{
     vote_seen,
 };
 use ostra_cloud::ply::{SavedColors, read_ply, save_ply};
-use ostra_core::job::JobId;
-use ostra_core::job::Progress;
+use ostra_core::job::{JobId, PlannedStage, Progress};
 use ostra_frames::{DepthSource, Frame};
 use ostra_masks::Label;
 use ostra_project::reusable_votes::{ReusableVotes, geometry_digest};
@@ -44,6 +43,7 @@ impl Session {
             .cloud_version()
             .and_then(|version| self.background.cloud.voted(version));
         Ok(self.start(JobTask::Fuse, JobKind::Long, move |context| {
+            context.progress.plan(&planned_stages());
             let begun = Instant::now();
             let geometry = geometry_digest(&project, &request)?;
             let before = ReusableVotes::find(&project, &root, &request, &geometry, loaded);
@@ -123,6 +123,21 @@ impl Session {
         self.warn_all(fused.report.warnings);
         Ok(())
     }
+}
+
+/// Returns the stages of a fusion. Those that a request needs not are left out when later ones begin.
+fn planned_stages() -> [PlannedStage; 7] {
+    let stage = PlannedStage::new;
+    // Per frame with depth, the grid of points and the surface take about as long; a vote takes less.
+    [
+        stage("surface", "Make the surface", 1.0),
+        stage("surface", "Make the surface", 3.0),
+        stage("vote", "Label the surface", 1.0),
+        stage("fuse", "Fuse points", 3.0),
+        stage("outliers", "Fuse points", 0.5),
+        stage("vote", "Label the points", 2.0),
+        stage("save", "Save results", 0.5),
+    ]
 }
 
 /// Returns the labelled points, and a text that describes how they were made.

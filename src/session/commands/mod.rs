@@ -27,5 +27,6 @@ mod stereo;
 mod suggest;
 mod surface;
 mod track;
+mod unfinished;
 
 pub use crate::track_run::{track_request, transferred};

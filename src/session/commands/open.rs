@@ -101,6 +101,8 @@ impl Session {
         self.background = Background::default();
         self.suggestions.clear();
         self.grounding = None;
+        self.unfinished = None;
+        self.running_record = None;
         self.interactions = 0;
         let was_open = self.open.take().is_some() | self.inspected.take().is_some();
         if was_open {
@@ -189,6 +191,7 @@ fn take_open(open: OpenProject, warnings: Vec<String>) -> JobCompletion {
         session.events.push(Event::Opened(open.root().to_owned()));
         session.store = Arc::new(FrameStore::at_home(PIXEL_BYTES, open.root().to_owned()));
         session.open = Some(open);
+        session.find_unfinished();
         session.report_changed();
         session.warn_all(warnings);
         Ok(())

@@ -6,13 +6,13 @@ use anyhow::{Result, ensure};
 
 use super::cameras::{CameraWork, Finder};
 use super::found_cameras::{Poses, given, is_posed};
-use super::stereo::{StereoWork, make_depths};
+use super::stereo::{StereoWork, depth_options, make_depths};
 use crate::Session;
 use crate::{JobCompletion, JobKind};
-use ostra_core::job::JobId;
-use ostra_core::job::Stopped;
+use ostra_core::job::{JobId, PlannedStage, Stopped};
 use ostra_frames::Frame;
 use ostra_project::{Edit, Project, ReconstructMethod, ReconstructRequest, ResultKind};
+use ostra_reconstruct::{rgbd, sfm, stereo};
 
 /// How a reconstruction is done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -56,8 +56,10 @@ impl Session {
             request: request.clone(),
             version: self.opened()?.next_version()?,
         };
+        let plan = planned_stages(&work.project, request, cameras, depths);
         Ok(
             self.start(JobTask::Reconstruct, JobKind::Long, move |context| {
+                context.progress.plan(&plan);
                 let mut work = work;
                 if let Some(camera_work) = camera_work {
                     let found = camera_work.find(context)?;
@@ -128,6 +130,42 @@ impl Session {
             )
         }))
     }
+}
+
+/// Returns the stages of a reconstruction, by the number and size of its images.
+fn planned_stages(
+    project: &Project,
+    request: &ReconstructRequest,
+    cameras: Option<Finder>,
+    depths: bool,
+) -> Vec<PlannedStage> {
+    let chosen = || project.frames.iter().step_by(request.every);
+    let (count, has_depth) = (
+        chosen().count(),
+        project.frames.iter().any(Frame::has_sensor_depth),
+    );
+    let between = project.frames.len() - count;
+    let mut stages = match cameras {
+        Some(Finder::Sfm(_)) => sfm::planned_stages(count, between, has_depth),
+        Some(Finder::Rgbd) => rgbd::planned_stages(count, between),
+        None => Vec::new(),
+    };
+    if depths {
+        let options = depth_options(request);
+        let views = || chosen().filter(|frame| !frame.has_sensor_depth());
+        let pixels = |frame: &Frame| {
+            let (width, height) = (f64::from(frame.width), f64::from(frame.height));
+            let longest = width.max(height).max(1.0);
+            let scale = (f64::from(options.max_side) / longest).min(1.0);
+            width * height * scale * scale
+        };
+        stages.extend(stereo::planned_stages(
+            views().count(),
+            views().map(pixels).sum(),
+            &options,
+        ));
+    }
+    stages
 }
 
 fn way(project: &Project, request: &ReconstructRequest) -> Result<ReconstructionPlan> {
@@ -201,4 +239,58 @@ fn is_rgbd(project: &Project) -> bool {
         .frames
         .iter()
         .all(|frame| frame.has_sensor_depth() && known(frame))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ostra_frames::{ImageSource, Orientation};
+
+    #[test]
+    fn steps_are_named_in_order_and_larger_images_take_a_larger_share() {
+        let request = ReconstructRequest::default();
+        let stages = |side: u32| {
+            let frame = Frame {
+                name: "a.jpg".into(),
+                width: side,
+                height: side,
+                image: ImageSource::File {
+                    path: "a.jpg".into(),
+                    orientation: Orientation::default(),
+                },
+                depth: None,
+                camera: None,
+            };
+            let project = Project {
+                frames: Arc::new(vec![frame; 4]),
+                ..Project::default()
+            };
+            let cameras = Some(Finder::Sfm(Poses::FromScratch));
+            planned_stages(&project, &request, cameras, true)
+        };
+        let mut steps: Vec<&str> = stages(500).iter().map(|stage| stage.step).collect();
+        steps.dedup();
+        assert_eq!(
+            steps,
+            [
+                "Find features",
+                "Match images",
+                "Compute cameras",
+                "Choose views",
+                "Compute depth",
+                "Check depth consistency",
+                "Clean depth",
+                "Keep results"
+            ]
+        );
+        let share = |stages: &[PlannedStage]| {
+            let total: f64 = stages.iter().map(|stage| stage.weight).sum();
+            stages
+                .iter()
+                .filter(|stage| stage.name.ends_with("depth"))
+                .map(|stage| stage.weight / total)
+                .sum::<f64>()
+        };
+        assert!(share(&stages(1200)) > share(&stages(300)));
+    }
 }

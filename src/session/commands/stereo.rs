@@ -58,7 +58,7 @@ pub(super) fn make_depths(work: StereoWork, context: &JobContext<Session>) -> Re
         version,
     } = work;
     let views = chosen(&project.frames, &request)?;
-    let options = options(&request);
+    let options = depth_options(&request);
     let key = key(&project, &views, &options, &request)?;
     let version = unfinished(&root, &project, &key).unwrap_or(version);
     let folder = DepthFolder::new(&root, version, &project.frames);
@@ -215,7 +215,8 @@ fn chosen(frames: &[Frame], request: &ReconstructRequest) -> Result<Vec<usize>> 
     Ok(views)
 }
 
-fn options(request: &ReconstructRequest) -> StereoOptions {
+/// Returns the options of stereo that a request asks for.
+pub(super) fn depth_options(request: &ReconstructRequest) -> StereoOptions {
     let options = StereoOptions::default();
     StereoOptions {
         max_side: request.max_side.unwrap_or(options.max_side),

@@ -11,7 +11,7 @@ use crate::track_run::{
 };
 use crate::{JobCompletion, JobKind};
 use crate::{Session, TrackSettings, engines};
-use ostra_core::job::JobId;
+use ostra_core::job::{JobId, PlannedStage};
 use ostra_masks::TrackedFrame;
 use ostra_project::LabelChoice;
 use ostra_project::mask_edits::label_name;
@@ -41,6 +41,8 @@ impl Session {
         }
         let engine = tracker.name();
         let job = self.start(JobTask::Track, JobKind::Long, move |context| {
+            let stages = [PlannedStage::new("track", "Track masks", 1.0)];
+            context.progress.plan(&stages);
             context.progress.stage("track")?;
             let mut emit = |tracked: TrackedFrame| {
                 let preliminary = tracked.preliminary;

@@ -12,7 +12,7 @@ use crate::stereo::patchmatch::{DepthSearch, PatchMatchOptions, PlaneMap, PosedI
 use crate::stereo::raster::raster_camera;
 use crate::stereo::{DepthEstimate, DepthStore, SelectOptions, Stage, StereoError};
 use ostra_cloud::SceneError;
-use ostra_core::job::Progress;
+use ostra_core::job::{PlannedStage, Progress};
 use ostra_frames::{FrameError, FrameStore};
 
 /// Options of depth estimation from posed images.
@@ -43,6 +43,47 @@ impl Default for StereoOptions {
             patchmatch: PatchMatchOptions::default(),
             filter: FilterOptions::default(),
         }
+    }
+}
+
+/// Returns the stages of [`estimate_depths`] for views of so many pixels in all.
+///
+/// Weights are rough seconds on a desktop processor, as in [`crate::sfm::planned_stages`].
+#[must_use]
+pub fn planned_stages(views: usize, pixels: f64, options: &StereoOptions) -> Vec<PlannedStage> {
+    let (views, megapixels) = (views as f64, pixels / 1e6);
+    let stage = PlannedStage::new;
+    let mut stages = vec![
+        stage("choose views", "Choose views", 0.1 * views),
+        stage(KEPT_STAGE, "Choose views", 0.02 * views),
+    ];
+    for round in 0..=options.rounds {
+        stages.push(match round {
+            0 => stage(round_stage(round), "Compute depth", 8.0 * megapixels),
+            _ => stage(
+                round_stage(round),
+                "Check depth consistency",
+                5.0 * megapixels,
+            ),
+        });
+    }
+    stages.extend([
+        stage("filter", "Clean depth", 0.5 * megapixels),
+        stage("complete", "Clean depth", 0.5 * megapixels),
+        stage("count pixels", "Keep results", 0.05 * views),
+    ]);
+    stages
+}
+
+/// Stage in which results of an earlier run are looked for.
+const KEPT_STAGE: &str = "look for results kept from earlier";
+
+/// Returns the stage of a round of PatchMatch.
+fn round_stage(round: u32) -> &'static str {
+    if round == 0 {
+        "depth"
+    } else {
+        "consistent depth"
     }
 }
 
@@ -81,14 +122,7 @@ pub fn estimate_depths(
         work.make(stage, &mut images)
     };
     for round in 0..=options.rounds {
-        make(
-            if round == 0 {
-                "depth"
-            } else {
-                "consistent depth"
-            },
-            Stage::Round(round),
-        )?;
+        make(round_stage(round), Stage::Round(round))?;
         if round > 0 {
             depths.forget(Stage::Round(round - 1))?;
         }
@@ -163,7 +197,7 @@ impl<'a> DepthEstimation<'a> {
         options: &'a StereoOptions,
         progress: &'a Progress,
     ) -> Result<Self, StereoError> {
-        progress.stage("look for results kept from earlier")?;
+        progress.stage(KEPT_STAGE)?;
         let work = Self {
             request,
             depths,

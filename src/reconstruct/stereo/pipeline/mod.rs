@@ -4,5 +4,5 @@
 mod estimate;
 mod plan;
 
-pub use estimate::{StereoOptions, estimate_depths};
+pub use estimate::{StereoOptions, estimate_depths, planned_stages};
 pub use plan::{RasterMask, StereoRequest, ViewOutcome};
