@@ -175,6 +175,14 @@ pub enum Action {
     ShowImage,
     /// Shows only the 3-D view.
     ShowScene,
+    /// Hides or shows side panel, timeline and filmstrip.
+    TogglePanels,
+    /// Moves the side panel to the other side.
+    MovePanel,
+    /// Swaps image and 3-D view.
+    SwapPanes,
+    /// Places image and 3-D view on top of each other, or side by side again.
+    StackPanes,
     /// Shows the whole cloud in the 3-D view.
     FrameCloud,
     /// Views the scene from the shown frame's camera.
@@ -400,6 +408,10 @@ const LIST: &[Row] = {
         A::ShowBoth, VIEW, false, "Image and 3-D", "Show image and 3-D view next to each other", ctrl(Key::Num1);
         A::ShowImage, VIEW, false, "Image only", "Show only the image", ctrl(Key::Num2);
         A::ShowScene, VIEW, false, "3-D only", "Show only the 3-D view", ctrl(Key::Num3);
+        A::TogglePanels, VIEW, false, "Hide panels", "Hide or show side panel, timeline and filmstrip", plain(Key::Tab);
+        A::SwapPanes, VIEW, true, "Swap panes", "Swap the places of image and 3-D view", None;
+        A::StackPanes, VIEW, false, "Stack panes", "Place image and 3-D view on top of each other, or side by side again", None;
+        A::MovePanel, VIEW, false, "Side panel on the other side", "Move labels and steps to the other side of the window", None;
         A::Fit, VIEW, true, "Fit image", "Show the whole image", plain(Key::Num0);
         A::ActualSize, VIEW, false, "Image at 100 %", "Show one image pixel per screen pixel", shift(Key::Num0);
         A::ToggleMasks, VIEW, false, "Show masks", "Show or hide the masks over the image", plain(Key::M);
