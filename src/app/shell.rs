@@ -89,9 +89,6 @@ impl Shell {
             .actions
             .extend(pressed(ui.ctx(), &self.view, self.took_keys));
         self.bars_ui(ui, session, &mut requests);
-        if session.has_frames() || session.inspected.is_some() {
-            self.side_panel_ui(ui, session, &mut requests);
-        }
         let fill = ui.visuals().panel_fill;
         CentralPanel::default()
             .frame(Frame::new().fill(fill))
@@ -117,7 +114,7 @@ impl Shell {
         commands
     }
 
-    /// Draws the menu bar at the top, and the status line, filmstrip and timeline at the bottom.
+    /// Draws what lies around the panes: menu bar, status line, side panel, filmstrip and timeline.
     fn bars_ui(&mut self, ui: &mut Ui, session: &SessionView<'_>, requests: &mut Requests) {
         let bar = Frame::new()
             .fill(ui.visuals().panel_fill)
@@ -128,9 +125,16 @@ impl Shell {
         Panel::bottom("status").frame(bar).show(ui, |ui| {
             status_ui(ui, session, &self.view, &mut requests.actions);
         });
-        if !session.has_frames() || self.view.prefs.is_bare {
-            return;
+        if session.has_frames() || session.inspected.is_some() {
+            self.side_panel_ui(ui, session, requests);
         }
+        if session.has_frames() && !self.view.prefs.is_bare {
+            self.strips_ui(ui, session, requests);
+        }
+    }
+
+    /// Draws filmstrip and timeline below the panes.
+    fn strips_ui(&mut self, ui: &mut Ui, session: &SessionView<'_>, requests: &mut Requests) {
         let strip = Frame::new()
             .fill(ui.visuals().panel_fill)
             .inner_margin(Margin {

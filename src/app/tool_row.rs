@@ -15,14 +15,15 @@ const GAP: f32 = 2.0;
 
 /// Draws a row of items with their widths; `draw` gets `true` for an item in the menu.
 ///
-/// Items that do not fit are in a menu, so that the row never gets a second line. `end` is drawn at
-/// the right end, `end_width` wide.
+/// Items that do not fit are in a menu, called `name`, so that the row never gets a second line. Two
+/// buttons have their place at the right end.
 pub(super) fn tool_row<T: Copy>(
     ui: &mut Ui,
+    name: &str,
     items: &[(T, f32)],
-    end_width: f32,
     mut draw: impl FnMut(&mut Ui, Slot<T>),
 ) {
+    let end_width = 2.0 * ICON;
     let size = Vec2::new(ui.available_width(), TOOL_ROW);
     let (rect, _) = ui.allocate_exact_size(size, Sense::hover());
     let inner = rect.shrink2(Vec2::new(6.0, 2.0));
@@ -50,7 +51,7 @@ pub(super) fn tool_row<T: Copy>(
         draw(&mut row, Slot::Row(item.0));
     }
     if fits < items.len() {
-        let menu = icon_menu(&mut row, Icon::More, "More tools", |ui| {
+        let menu = icon_menu(&mut row, Icon::More, name, |ui| {
             ui.set_min_width(200.0);
             for item in &items[fits..] {
                 draw(ui, Slot::Menu(item.0));

@@ -59,7 +59,7 @@ pub(super) fn toolbar_ui(
     actions: &mut Vec<Action>,
 ) -> bool {
     let mut is_dragged = false;
-    tool_row(ui, &ITEMS, 2.0 * ICON, |ui, slot| match slot {
+    tool_row(ui, "More image tools", &ITEMS, |ui, slot| match slot {
         Slot::End => {
             is_dragged = pane_buttons_ui(ui, view, Action::ShowImage, actions);
         }

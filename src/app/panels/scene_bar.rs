@@ -77,7 +77,7 @@ pub(super) fn scene_bar_ui(
 ) -> bool {
     let mut is_dragged = false;
     let items = items(session, view);
-    tool_row(ui, &items, 2.0 * ICON, |ui, slot| match slot {
+    tool_row(ui, "More 3-D tools", &items, |ui, slot| match slot {
         Slot::End if session.has_frames() => {
             is_dragged = pane_buttons_ui(ui, view, Action::ShowScene, actions);
         }
