@@ -175,6 +175,14 @@ pub enum Action {
     ShowImage,
     /// Shows only the 3-D view.
     ShowScene,
+    /// Hides or shows side panel, timeline and filmstrip.
+    TogglePanels,
+    /// Moves the side panel to the other side.
+    MovePanel,
+    /// Swaps image and 3-D view.
+    SwapPanes,
+    /// Places image and 3-D view on top of each other, or side by side again.
+    StackPanes,
     /// Shows the whole cloud in the 3-D view.
     FrameCloud,
     /// Views the scene from the shown frame's camera.
@@ -386,8 +394,8 @@ const LIST: &[Row] = {
         A::InterpolateRange, RANGE, false, "Interpolate label in range", "Interpolate the label's shape between the first and the last frame of the range", plain(Key::Y);
         A::CopyMask, RANGE, true, "Copy mask of label", "Copy the selected label's mask on this frame", shift(Key::C);
         A::PasteMask, RANGE, false, "Paste mask of label", "Paste the copied mask onto the range; its frames become keyframes", shift(Key::V);
-        A::FillHoles, EDIT, true, "Fill holes of label", "Fill holes of the selected label on this frame that are smaller than the size in the tool bar", shift(Key::H);
-        A::RemoveIslands, EDIT, false, "Remove specks of label", "Remove parts of the selected label on this frame that are smaller than the size in the tool bar; the largest part is kept", shift(Key::K);
+        A::FillHoles, EDIT, true, "Fill holes of label", "Fill holes of the selected label on this frame that are smaller than the size in the menu of tools", shift(Key::H);
+        A::RemoveIslands, EDIT, false, "Remove specks of label", "Remove parts of the selected label on this frame that are smaller than the size in the menu of tools; the largest part is kept", shift(Key::K);
         A::UseTool(Tool::Click), EDIT, true, "Click and box tool", "Left click to include, right click to exclude, drag for a box", plain(Key::V);
         A::UseTool(Tool::Brush), EDIT, false, "Brush tool", "Paint the selected label; Ctrl or right button erases, Shift+wheel sets the size", plain(Key::P);
         A::UseTool(Tool::Eraser), EDIT, false, "Eraser tool", "Erase the selected label; Shift+wheel sets the size", plain(Key::X);
@@ -400,6 +408,10 @@ const LIST: &[Row] = {
         A::ShowBoth, VIEW, false, "Image and 3-D", "Show image and 3-D view next to each other", ctrl(Key::Num1);
         A::ShowImage, VIEW, false, "Image only", "Show only the image", ctrl(Key::Num2);
         A::ShowScene, VIEW, false, "3-D only", "Show only the 3-D view", ctrl(Key::Num3);
+        A::TogglePanels, VIEW, false, "Hide panels", "Hide or show side panel, timeline and filmstrip", plain(Key::Tab);
+        A::SwapPanes, VIEW, true, "Swap panes", "Swap the places of image and 3-D view", None;
+        A::StackPanes, VIEW, false, "Stack panes", "Place image and 3-D view on top of each other, or side by side again", None;
+        A::MovePanel, VIEW, false, "Side panel on the other side", "Move labels and steps to the other side of the window", None;
         A::Fit, VIEW, true, "Fit image", "Show the whole image", plain(Key::Num0);
         A::ActualSize, VIEW, false, "Image at 100 %", "Show one image pixel per screen pixel", shift(Key::Num0);
         A::ToggleMasks, VIEW, false, "Show masks", "Show or hide the masks over the image", plain(Key::M);
@@ -436,7 +448,7 @@ const LIST: &[Row] = {
         A::Retrack, RUN, false, "Re-track this label around this frame", "Track the selected label again up to the next keyframes on both sides; other labels are kept", shift(Key::T);
         A::Suggest, RUN, false, "Find unlabelled objects", "List unlabelled regions that are likely objects", ctrl(Key::L);
         A::Propose, RUN, false, "Propose objects on this frame", "List every object that Segment Anything finds on this frame", ctrl_shift(Key::L);
-        A::Reconstruct, RUN, true, "Reconstruct", "Compute cameras and depth maps with the settings of the Reconstruct panel", plain(Key::R);
+        A::Reconstruct, RUN, true, "Reconstruct", "Compute cameras and depth maps with the settings of the step Cameras & depth", plain(Key::R);
         A::SetScale, RUN, false, "Set scale by ruler", "Scale cameras, depth maps, cloud and mesh so that the ruler shows the known length", None;
         A::Fuse, RUN, false, "Fuse", "Fuse the depth maps into a cloud and label each point by a vote of all views", plain(Key::U);
         A::Stop, RUN, true, "Stop", "Stop the running job; finished parts are kept", ctrl(Key::Period);

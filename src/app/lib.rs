@@ -8,6 +8,7 @@
 //! in [`ViewState`]; the part kept between sessions is in [`Prefs`].
 //!
 //! - `canvas`: image pane with its tools.
+//! - `centre`: arrangement of the panes.
 //! - `panels`: labels, tracking, reconstruction, fusion, traits, timeline and the 3-D view.
 //! - `dialogs`: dialogs and their forms.
 //! - `action`, `menu`, `shortcuts`, `perform`: list of actions, and how they are started and
@@ -35,12 +36,16 @@
 //! ```
 
 mod action;
+mod arrangement;
 mod attention;
 mod canvas;
+mod centre;
 mod dialogs;
+mod icons;
 mod leave;
 mod menu;
 mod notices;
+mod pane_buttons;
 mod panel_state;
 mod panels;
 mod perform;
@@ -51,13 +56,16 @@ mod scene_prefs;
 mod session_view;
 mod shell;
 mod shortcuts;
+mod steps_state;
 mod textures;
 mod theme;
+mod tool_row;
 mod tooltips;
 mod view_state;
 mod window;
 
 pub use action::{Action, MenuName};
+pub use arrangement::{Arrangement, Pane};
 pub use canvas::{CanvasMap, Draft, Tool};
 pub use notices::{Notice, Notices, Severity};
 pub use panels::{InspectedPoint, SceneSelect, SelectShape};
@@ -66,6 +74,7 @@ pub use scene_prefs::{ClipSides, SceneLook, ScenePrefs, Slice};
 pub use session_view::{Drawn, Layers, SessionView, layers_of};
 pub use shell::Shell;
 pub use shortcuts::Shortcuts;
+pub use steps_state::StepsState;
 pub use theme::set_theme;
 pub use view_state::{Dialog, Shown, ViewState};
 pub use window::{Window, run};

@@ -238,6 +238,10 @@ fn look_differently(action: Action, ctx: &Context, view: &mut ViewState) {
         Action::ShowBoth => view.prefs.panes = Panes::Both,
         Action::ShowImage => view.prefs.panes = Panes::Image,
         Action::ShowScene => view.prefs.panes = Panes::Scene,
+        Action::TogglePanels => view.prefs.is_bare = !view.prefs.is_bare,
+        Action::MovePanel => view.prefs.panel_on_left = !view.prefs.panel_on_left,
+        Action::SwapPanes => view.prefs.arrangement.swap(),
+        Action::StackPanes => view.prefs.arrangement.turn(),
         Action::FrameCloud => view.scene_action = Some(SceneAction::FrameAll),
         Action::LookThrough => {
             view.prefs.scene.orthographic = false;

@@ -1,5 +1,6 @@
 use serde::{Deserialize, Serialize};
 
+use super::arrangement::Arrangement;
 use super::{ScenePrefs, Shortcuts};
 use ostra_compute::nn::Provider;
 use ostra_view::OverlayStyle;
@@ -12,6 +13,12 @@ pub struct Prefs {
     pub shortcuts: Shortcuts,
     /// Visible panes.
     pub panes: Panes,
+    /// Arrangement of the panes and their shares of the space.
+    pub arrangement: Arrangement,
+    /// Whether the side panel is at the left.
+    pub panel_on_left: bool,
+    /// Whether side panel, timeline and filmstrip are hidden.
+    pub is_bare: bool,
     /// Opacity of masks, 0–1.
     pub opacity: f32,
     /// Whether labels are outlined.
@@ -50,6 +57,9 @@ impl Default for Prefs {
         Self {
             shortcuts: Shortcuts::default(),
             panes: Panes::default(),
+            arrangement: Arrangement::default(),
+            panel_on_left: false,
+            is_bare: false,
             opacity: style.opacity,
             outlines: style.outlines,
             brush_px: 12.0,
@@ -71,7 +81,7 @@ impl Default for Prefs {
 /// Panes in the middle of the window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Panes {
-    /// Image and 3-D view; only the image while there is no cloud and no camera.
+    /// Image and 3-D view.
     #[default]
     Both,
     /// Image only.

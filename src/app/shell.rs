@@ -1,7 +1,9 @@
-use egui::{CentralPanel, Context, Event, Frame, Key, Margin, Panel, ScrollArea, Stroke, Ui};
+use egui::{
+    CentralPanel, Context, Event, FocusDirection, Frame, Key, Margin, Panel, ScrollArea, Ui,
+};
 
 use super::action::Requests;
-use super::canvas::image_pane_ui;
+use super::centre::{Parts, centre_ui};
 use super::dialogs::{
     export_ui, image_ui, into_ui, models_ui, new_project_ui, palette_ui, path_ui, relocate_ui,
     sheet_ui, take_picked,
@@ -10,17 +12,23 @@ use super::leave::{Leaving, leaving_ui, waiting_ui};
 use super::menu::menu_bar_ui;
 use super::notices::notices_ui;
 use super::panels::{
-    HEAT_HEIGHT, ScenePane, cloud_labels_ui, conflicts_ui, filmstrip_ui, fuse_ui, heat_ui,
-    instances_ui, jobs_ui, labels_ui, matches_ui, measures_ui, reconstruct_ui, results_ui,
-    segmenter_ui, status_ui, suggestions_ui, text_prompt_ui, timeline_ui, track_ui, unfinished_ui,
-    welcome_ui,
+    FILMSTRIP_HEIGHT, HEAT_HEIGHT, ROW, ScenePane, cloud_labels_ui, filmstrip_ui, heat_ui,
+    instances_ui, jobs_ui, keep_track_valid, labels_ui, matches_ui, point_ui, selection_ui,
+    status_ui, step_strip_ui, steps_ui, timeline_ui, unfinished_ui, welcome_ui,
 };
 use super::perform::perform;
 use super::textures::Textures;
-use super::tooltips::section_heading;
-use super::{Action, Dialog, Panes, Prefs, SessionView, ViewState};
+use super::tooltips::{icon_button, section_heading};
+use super::{Action, Dialog, Prefs, SessionView, ViewState};
 use ostra_session::{Command, JobView};
 use ostra_view::Orbit;
+
+/// Width of a window below which the side panel is a strip until it is expanded.
+const NARROW: f32 = 1000.0;
+/// Width of the side panel in a window of common size.
+const SIDE_WIDTH: f32 = 232.0;
+/// Rows of the timeline that are visible without scrolling.
+const TIMELINE_ROWS: f32 = 3.0;
 
 /// Everything that is drawn, without the session behind it: a view in, commands out.
 pub struct Shell {
@@ -91,6 +99,7 @@ impl Shell {
         self.view.keep_valid(session);
         self.view.presence.update(session.project);
         self.view.draft.follow(session.project);
+        keep_track_valid(session, &mut self.view);
         take_picked(ui.ctx(), &mut self.view);
         if !self.leaving.is_asking() {
             requests
@@ -98,12 +107,6 @@ impl Shell {
                 .extend(pressed(ui.ctx(), &self.view, self.took_keys));
         }
         self.bars_ui(ui, session, &mut requests);
-        if session.has_frames() {
-            self.side_panels_ui(ui, session, &mut requests);
-        } else if session.inspected.is_some() {
-            side_panel(Panel::left("labels"), 256.0)
-                .show(ui, |ui| cloud_labels_ui(ui, session, &mut self.view));
-        }
         let fill = ui.visuals().panel_fill;
         CentralPanel::default()
             .frame(Frame::new().fill(fill))
@@ -114,9 +117,6 @@ impl Shell {
         leaving_ui(ui, session, &mut self.leaving, &mut requests.actions);
         if self.view.matches.open && session.has_frames() {
             matches_ui(ui, session, &mut self.view, &mut self.textures);
-        }
-        if self.view.measures.open {
-            measures_ui(ui, session, &mut self.view);
         }
         notices_ui(ui, &mut self.view.notices);
         self.took_keys = takes_keys(ui.ctx());
@@ -136,11 +136,11 @@ impl Shell {
         commands
     }
 
-    /// Draws the menu bar at the top, and the status line, filmstrip and timeline at the bottom.
+    /// Draws what lies around the panes: menu bar, status line, side panel, filmstrip and timeline.
     fn bars_ui(&mut self, ui: &mut Ui, session: &SessionView<'_>, requests: &mut Requests) {
         let bar = Frame::new()
             .fill(ui.visuals().panel_fill)
-            .inner_margin(Margin::symmetric(8, 3));
+            .inner_margin(Margin::symmetric(8, 2));
         Panel::top("menu")
             .frame(bar)
             .show(ui, |ui| menu_bar_ui(ui, session, &self.view, requests));
@@ -153,127 +153,124 @@ impl Shell {
         Panel::bottom("status").frame(bar).show(ui, |ui| {
             status_ui(ui, session, &self.view, &mut requests.actions);
         });
-        if session.has_frames() {
-            let strip = Frame::new()
-                .fill(ui.visuals().panel_fill)
-                .inner_margin(Margin {
-                    left: 8,
-                    right: 8,
-                    top: 6,
-                    bottom: 2,
-                });
-            Panel::bottom("filmstrip")
-                .resizable(false)
-                .exact_size(118.0 + HEAT_HEIGHT)
-                .frame(strip)
-                .show(ui, |ui| {
-                    heat_ui(ui, session, &mut self.view);
-                    filmstrip_ui(ui, session, &mut self.view, &mut self.textures);
-                });
-            if self.view.prefs.timeline && session.project.labels.iter().next().is_some() {
-                let grid = Panel::bottom("timeline")
-                    .resizable(true)
-                    .default_size(112.0)
-                    .size_range(64.0..=400.0);
-                grid.frame(strip).show(ui, |ui| {
-                    timeline_ui(ui, session, &mut self.view, &mut requests.actions);
-                });
-            }
+        if session.has_frames() || session.inspected.is_some() {
+            self.side_panel_ui(ui, session, requests);
+        }
+        if session.has_frames() && !self.view.prefs.is_bare {
+            self.strips_ui(ui, session, requests);
         }
     }
 
-    fn side_panels_ui(&mut self, ui: &mut Ui, session: &SessionView<'_>, requests: &mut Requests) {
+    /// Draws filmstrip and timeline below the panes.
+    fn strips_ui(&mut self, ui: &mut Ui, session: &SessionView<'_>, requests: &mut Requests) {
+        let strip = Frame::new()
+            .fill(ui.visuals().panel_fill)
+            .inner_margin(Margin {
+                left: 8,
+                right: 8,
+                top: 4,
+                bottom: 0,
+            });
+        Panel::bottom("filmstrip")
+            .resizable(false)
+            .exact_size(FILMSTRIP_HEIGHT + HEAT_HEIGHT)
+            .frame(strip)
+            .show(ui, |ui| {
+                ui.spacing_mut().item_spacing.y = 3.0;
+                heat_ui(ui, session, &mut self.view);
+                filmstrip_ui(ui, session, &mut self.view, &mut self.textures);
+            });
+        // The place is kept without labels too, so that the image does not move when they come.
+        if self.view.prefs.timeline {
+            Panel::bottom("timeline rows")
+                .resizable(true)
+                .default_size(TIMELINE_ROWS * (ROW + 1.0) + 4.0)
+                .size_range(ROW..=400.0)
+                .frame(strip)
+                .show(ui, |ui| {
+                    timeline_ui(ui, session, &mut self.view, &mut requests.actions);
+                });
+        }
+    }
+
+    /// Draws labels and steps at the side, or a strip of the steps in a narrow window.
+    fn side_panel_ui(&mut self, ui: &mut Ui, session: &SessionView<'_>, requests: &mut Requests) {
+        let window = ui.ctx().content_rect().width();
+        let is_open = !self.view.prefs.is_bare;
+        let is_strip = window < NARROW && !self.view.steps.is_expanded;
+        self.view.steps.is_docked = is_open && !is_strip;
+        if !is_open {
+            return;
+        }
+        let is_left = self.view.prefs.panel_on_left;
+        let side = |name: &'static str| {
+            if is_left {
+                Panel::left(name)
+            } else {
+                Panel::right(name)
+            }
+        };
+        if is_strip {
+            side("step strip")
+                .resizable(false)
+                .exact_size(46.0)
+                .show(ui, |ui| {
+                    if session.has_frames() {
+                        step_strip_ui(ui, session, &mut self.view);
+                    }
+                });
+            return;
+        }
+        side("side")
+            .resizable(true)
+            .default_size((window * 0.18).clamp(SIDE_WIDTH, 320.0))
+            .size_range(180.0..=460.0)
+            .show(ui, |ui| {
+                self.side_content_ui(ui, session, requests, window < NARROW);
+            });
+    }
+
+    fn side_content_ui(
+        &mut self,
+        ui: &mut Ui,
+        session: &SessionView<'_>,
+        requests: &mut Requests,
+        may_shrink: bool,
+    ) {
         let view = &mut self.view;
-        side_panel(Panel::left("labels"), 256.0).show(ui, |ui| {
-            scrolled(ui, "left", |ui| {
+        docked_ui(ui, session, view, requests);
+        if !session.has_frames() {
+            return cloud_labels_ui(ui, session, view);
+        }
+        if may_shrink && ui.small_button("Hide panel").clicked() {
+            view.steps.is_expanded = false;
+        }
+        let height = (ui.available_height() * 0.3).clamp(96.0, 220.0);
+        Panel::top("labels")
+            .resizable(true)
+            .default_size(height)
+            .size_range(60.0..=600.0)
+            .frame(Frame::new())
+            .show(ui, |ui| {
                 labels_ui(ui, session, view, &mut requests.commands);
-                instances_ui(ui, session, view, &mut requests.commands);
-                ui.separator();
-                segmenter_ui(ui, session, view);
-                ui.separator();
-                section_heading(ui, "Find by text");
-                text_prompt_ui(ui, session, view, &mut requests.commands);
             });
-        });
-        side_panel(Panel::right("work"), 262.0).show(ui, |ui| {
-            scrolled(ui, "right", |ui| {
-                section(ui, "Track", true, |ui| {
-                    track_ui(ui, session, view, &mut requests.actions);
-                });
-                if !session.conflicts.is_empty() {
-                    section(ui, "Conflicts", true, |ui| {
-                        conflicts_ui(ui, session, view, &mut requests.actions);
-                    });
-                }
-                section(ui, "Suggestions", !session.suggestions.is_empty(), |ui| {
-                    suggestions_ui(ui, session, view, requests);
-                });
-                section(ui, "Reconstruct", true, |ui| {
-                    reconstruct_ui(ui, session, view, &mut requests.actions);
-                });
-                section(ui, "Fuse", true, |ui| {
-                    fuse_ui(ui, session, view, &mut requests.actions);
-                });
-                section(ui, "Results", false, |ui| results_ui(ui, session));
-                if session.slow_jobs().next().is_some() {
-                    section(ui, "Running", true, |ui| {
-                        jobs_ui(ui, session, view, &mut requests.actions);
-                    });
-                }
-            });
+        scrolled(ui, "steps", |ui| {
+            instances_ui(ui, session, view, &mut requests.commands);
+            ui.spacing_mut().item_spacing.y = 4.0;
+            steps_ui(ui, session, view, requests);
         });
     }
 
     /// Draws the image and the 3-D view, or the welcome page if nothing is open.
     fn panes_ui(&mut self, ui: &mut Ui, session: &SessionView<'_>, requests: &mut Requests) {
-        let has_scene = session.points().is_some()
-            || session
-                .project
-                .frames
-                .iter()
-                .any(|frame| frame.posed_camera().is_some());
-        match (session.has_frames(), session.inspected.is_some()) {
-            (false, false) => return welcome_ui(ui, session, &self.view, requests),
-            (false, true) => {
-                return self.scene.ui(
-                    ui,
-                    session,
-                    &mut self.view,
-                    &mut self.textures,
-                    &mut requests.actions,
-                );
-            }
-            (true, _) => {}
+        if !session.has_frames() && session.inspected.is_none() {
+            return welcome_ui(ui, session, &self.view, requests);
         }
-        let panes = self.view.prefs.panes;
-        if panes == Panes::Scene {
-            return self.scene.ui(
-                ui,
-                session,
-                &mut self.view,
-                &mut self.textures,
-                &mut requests.actions,
-            );
-        }
-        if panes == Panes::Both && has_scene {
-            let half = ui.available_width() * 0.46;
-            let frame = Frame::new().fill(ui.visuals().panel_fill);
-            Panel::right("scene")
-                .resizable(true)
-                .default_size(half)
-                .size_range(220.0..=half * 1.8)
-                .frame(frame)
-                .show(ui, |ui| {
-                    self.scene.ui(
-                        ui,
-                        session,
-                        &mut self.view,
-                        &mut self.textures,
-                        &mut requests.actions,
-                    );
-                });
-        }
-        image_pane_ui(ui, session, &mut self.view, &mut self.textures, requests);
+        let parts = Parts {
+            textures: &mut self.textures,
+            scene: &mut self.scene,
+        };
+        centre_ui(ui, session, &mut self.view, parts, requests);
     }
 
     fn dialogs_ui(&mut self, ui: &Ui, session: &SessionView<'_>, requests: &mut Requests) {
@@ -315,13 +312,20 @@ fn pressed(ctx: &Context, view: &ViewState, took_keys: bool) -> Vec<Action> {
                 }
             )
     };
+    // Tab goes from control to control once one has the keyboard.
+    let is_travelling = ctx.memory(|memory| memory.focused().is_some());
     let action = |event: &Event| {
+        let is_tab = matches!(event, Event::Key { key: Key::Tab, .. });
         view.prefs
             .shortcuts
             .action_for(event)
-            .filter(|_| !is_taken(event))
+            .filter(|_| !is_taken(event) && !(is_tab && is_travelling))
     };
-    ctx.input(|input| input.events.iter().filter_map(action).collect())
+    let actions: Vec<Action> = ctx.input(|input| input.events.iter().filter_map(action).collect());
+    if actions.contains(&Action::TogglePanels) {
+        ctx.memory_mut(|memory| memory.move_focus(FocusDirection::None));
+    }
+    actions
 }
 
 /// Returns `true` if keys go to a menu, a list or a text field.
@@ -329,11 +333,45 @@ fn takes_keys(ctx: &Context) -> bool {
     ctx.text_edit_focused() || ctx.any_popup_open()
 }
 
-fn side_panel(panel: Panel, size: f32) -> Panel {
-    panel
-        .resizable(true)
-        .default_size(size)
-        .size_range(180.0..=460.0)
+/// Draws the running jobs, the inspected point and the selection at the bottom of the side panel.
+///
+/// They cover the end of the steps instead of moving them.
+fn docked_ui(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    requests: &mut Requests,
+) {
+    let panel = |name: &'static str| {
+        Panel::bottom(name)
+            .resizable(false)
+            .frame(Frame::new().inner_margin(Margin::symmetric(0, 6)))
+    };
+    if session.slow_jobs().next().is_some() {
+        panel("running").show(ui, |ui| jobs_ui(ui, session, view, &mut requests.actions));
+    }
+    if let Some(point) = view.inspected_point.clone() {
+        let mut is_open = true;
+        panel("point").show(ui, |ui| {
+            ui.horizontal(|ui| {
+                section_heading(ui, "Point");
+                ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                    let close = icon_button(ui, "×", "Close point", "Inspect no point");
+                    is_open = !close.clicked();
+                });
+            });
+            point_ui(ui, session, view, &point);
+        });
+        if !is_open {
+            view.inspected_point = None;
+        }
+    }
+    if view.scene_select.in_hand {
+        panel("selection").show(ui, |ui| {
+            section_heading(ui, "Select points");
+            selection_ui(ui, session, view, &mut requests.actions);
+        });
+    }
 }
 
 fn scrolled(ui: &mut Ui, salt: &str, content: impl FnOnce(&mut Ui)) {
@@ -341,27 +379,4 @@ fn scrolled(ui: &mut Ui, salt: &str, content: impl FnOnce(&mut Ui)) {
         .id_salt(salt)
         .auto_shrink([false, false])
         .show(ui, content);
-}
-
-/// Adds a collapsible section to a side panel.
-///
-/// A change of `open` resets whether the section is expanded.
-fn section(ui: &mut Ui, title: &str, open: bool, content: impl FnOnce(&mut Ui)) {
-    let header = egui::CollapsingHeader::new(egui::RichText::new(title).strong().size(14.0));
-    header
-        .id_salt((title, open))
-        .default_open(open)
-        .show_unindented(ui, |ui| {
-            ui.add_space(2.0);
-            content(ui);
-            ui.add_space(6.0);
-        });
-    let line = ui.visuals().widgets.noninteractive.bg_stroke.color;
-    let (rect, _) =
-        ui.allocate_exact_size(egui::vec2(ui.available_width(), 1.0), egui::Sense::hover());
-    ui.painter().hline(
-        rect.x_range(),
-        rect.center().y,
-        Stroke::new(1.0, line.gamma_multiply(0.7)),
-    );
 }

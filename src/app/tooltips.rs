@@ -17,6 +17,25 @@ pub(super) fn action_button(
     button.on_hover_text(&tip).on_disabled_hover_text(tip)
 }
 
+/// Adds the highlighted button of a step, as wide as the panel.
+pub(super) fn primary_button(ui: &mut Ui, text: &str, tip: &str, enabled: bool) -> Response {
+    let (fill, color) = if ui.visuals().dark_mode {
+        (egui::Color32::from_rgb(44, 108, 190), egui::Color32::WHITE)
+    } else {
+        (egui::Color32::from_rgb(30, 100, 200), egui::Color32::WHITE)
+    };
+    let text = egui::RichText::new(text).strong();
+    let button = if enabled {
+        Button::new(text.color(color)).fill(fill)
+    } else {
+        Button::new(text)
+    };
+    let button = button.min_size(egui::vec2(ui.available_width(), 26.0));
+    ui.add_enabled(enabled, button)
+        .on_hover_text(tip)
+        .on_disabled_hover_text(tip)
+}
+
 /// Adds an icon button that screen readers announce as `name`.
 pub(super) fn icon_button(ui: &mut Ui, icon: &str, name: &str, tip: &str) -> Response {
     ui.add(Button::new(icon).frame(false))

@@ -10,6 +10,7 @@ use super::dialogs::{
 use super::panel_state::{LabelEditing, MatchView, PointCounts, Presence, TextPrompt};
 use super::panels::{InspectedPoint, MeasureView, Ruler, SceneSelect};
 use super::pointer::HoverDwell;
+use super::steps_state::StepsState;
 use super::{Notices, Prefs, SceneLook, SessionView};
 use ostra_masks::{Direction, LabelId, MaskFormat};
 use ostra_project::{FuseRequest, ReconstructRequest};
@@ -122,6 +123,10 @@ pub struct ViewState {
     pub matches: MatchView,
     /// State of the traits window.
     pub measures: MeasureView,
+    /// Which step of the way from frames to measures is open.
+    pub steps: StepsState,
+    /// Whether a cloud with labels was shown, so that its colours were chosen.
+    has_shown_labels: bool,
     /// Layer of the frame to show: image, depth, normals or confidence.
     pub layer: Layer,
     /// Place where the pointer rests over the image.
@@ -274,6 +279,8 @@ impl ViewState {
             ruler: Ruler::default(),
             matches: MatchView::default(),
             measures: MeasureView::default(),
+            steps: StepsState::default(),
+            has_shown_labels: false,
             layer: Layer::Image,
             rest: None,
             hover_request: None,
@@ -304,6 +311,7 @@ impl ViewState {
     pub fn keep_valid(&mut self, session: &SessionView<'_>) {
         let last = session.project.frames.len().saturating_sub(1);
         self.frame = self.frame.min(last);
+        self.color_by_label(session);
         self.measures.keep_valid(session);
         self.range = self.range.filter(|&(_, to)| to <= last);
         self.copied = self
@@ -314,6 +322,20 @@ impl ViewState {
             .is_none_or(|label| session.project.labels.get(label).is_none())
         {
             self.label = session.project.labels.iter().next().map(|label| label.id);
+        }
+    }
+
+    /// Colours points by label when the first cloud with labels comes.
+    fn color_by_label(&mut self, session: &SessionView<'_>) {
+        let has_labels = !self.has_shown_labels
+            && session
+                .cloud
+                .is_some_and(|cloud| cloud.labels.iter().any(|&label| label != LabelId::NONE));
+        if has_labels {
+            self.has_shown_labels = true;
+            if self.coloring == Coloring::Rgb {
+                self.coloring = Coloring::Label;
+            }
         }
     }
 

@@ -73,6 +73,7 @@ pub mod suggestion;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
 pub mod voted_cloud;
+pub mod workflow;
 
 pub use coordinates::scale_between;
 pub use edit::Edit;

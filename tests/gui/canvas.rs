@@ -7,7 +7,7 @@ use ostra_app::Tool;
 use ostra_masks::{ElasticBorders, LabelId};
 use ostra_session::{Command, MoveBorderRequest, PaintRequest, PromptRequest, TraceRequest};
 
-use crate::desk::{Desk, click_at, drag, drag_fast, flick, hold, on_screen, press};
+use crate::desk::{Desk, choose_more, click_at, drag, drag_fast, flick, hold, on_screen, press};
 
 fn prompts(requested: &[Command]) -> Vec<&PromptRequest> {
     requested
@@ -274,8 +274,7 @@ fn brush_snaps_while_the_option_is_checked() {
         on_screen(&harness, 30.0, 10.0),
     );
     drag(&mut harness, from, to, PointerButton::Primary);
-    harness.get_by_label("Snap brush to edges").click();
-    harness.run_steps(2);
+    choose_more(&mut harness, "Snap brush to edges");
     assert!(harness.state().shell.view.prefs.snap);
     drag(&mut harness, from, to, PointerButton::Primary);
     press(&mut harness, Modifiers::NONE, Key::S);

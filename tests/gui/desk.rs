@@ -18,6 +18,7 @@ use ostra_compute::nn::ModelStatus;
 use ostra_frames::{Frame, FrameCamera, Image, ImageSource, Orientation};
 use ostra_geometry::{Camera, Pose};
 use ostra_masks::{Label, LabelId, LabelMask, LabelTree, RunMask};
+use ostra_project::workflow::Step;
 use ostra_project::{FrameMask, MaskOrigin, Project};
 use ostra_session::JobView;
 use ostra_session::{
@@ -256,6 +257,39 @@ pub fn flick(harness: &mut Harness<'_, Desk>, places: &[Pos2], button: egui::Poi
 pub fn press(harness: &mut Harness<'_, Desk>, modifiers: egui::Modifiers, key: egui::Key) {
     harness.key_press_modifiers(modifiers, key);
     harness.run_steps(2);
+}
+
+/// Opens a step of the side panel.
+pub fn open_step(harness: &mut Harness<'_, Desk>, step: Step) {
+    if harness.state().shell.view.steps.open == Some(step) {
+        return;
+    }
+    let title = match step {
+        Step::Label => "Label: ",
+        Step::Track => "Track: ",
+        Step::Geometry => "Cameras & depth: ",
+        Step::Cloud => "Cloud: ",
+        Step::Measure => "Measure & export: ",
+    };
+    harness.get_by_label_contains(title).click();
+    harness.run_steps(3);
+    assert_eq!(harness.state().shell.view.steps.open, Some(step));
+}
+
+/// Opens a step of the side panel with its advanced settings.
+pub fn open_advanced(harness: &mut Harness<'_, Desk>, step: Step) {
+    open_step(harness, step);
+    harness.get_by_label("Advanced").click();
+    harness.run_steps(30);
+}
+
+/// Clicks a tool in the menu of what does not fit above the image, and closes the menu.
+pub fn choose_more(harness: &mut Harness<'_, Desk>, name: &str) {
+    harness.get_by_label("More image tools").click();
+    harness.run_steps(3);
+    harness.get_by_label(name).click();
+    harness.run_steps(2);
+    press(harness, egui::Modifiers::NONE, egui::Key::Escape);
 }
 
 /// Returns the labels of all nodes, for failure messages.

@@ -1,6 +1,7 @@
 //! Opens every part of the window in dark and light mode.
 //!
-//! With `OSTRA_GALLERY=DIR`, an image of each part is written to that folder.
+//! With `OSTRA_GALLERY=DIR`, an image of each part is written to that folder, in the size of
+//! `OSTRA_GALLERY_SIZE` (such as `1280x800x2`: points and scale).
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -87,6 +88,20 @@ fn everything_opens_dark_and_light() {
     }
 }
 
+/// Returns the size in points and the scale of `OSTRA_GALLERY_SIZE`, such as `1280x800x2`.
+fn size_wanted() -> (egui::Vec2, f32) {
+    let text = std::env::var("OSTRA_GALLERY_SIZE").unwrap_or_default();
+    let numbers: Vec<f32> = text
+        .split('x')
+        .filter_map(|number| number.parse().ok())
+        .collect();
+    match numbers[..] {
+        [width, height, scale] => (egui::vec2(width, height), scale),
+        [width, height] => (egui::vec2(width, height), 1.0),
+        _ => (egui::vec2(1400.0, 900.0), 1.0),
+    }
+}
+
 fn show(
     name: &str,
     mut desk: Desk,
@@ -97,6 +112,8 @@ fn show(
     let mut builder = egui_kittest::Harness::builder()
         .with_theme(theme)
         .with_context_setup(ostra_app::set_theme);
+    let (size, scale) = size_wanted();
+    builder = builder.with_pixels_per_point(scale);
     if keep.is_some() {
         let gpu = create_render_state(
             default_wgpu_setup(),
@@ -107,6 +124,7 @@ fn show(
     }
     change(&mut desk);
     let mut harness = desk.shown_by(builder);
+    harness.set_size(size);
     for _ in 0..if keep.is_some() { 80 } else { 6 } {
         harness.run_steps(1);
         std::thread::park_timeout(std::time::Duration::from_millis(10));

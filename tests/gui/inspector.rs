@@ -164,8 +164,19 @@ fn window(harness: &Harness<'static, Desk>) -> egui::Rect {
 }
 
 #[test]
-fn inspector_does_not_cover_its_point() {
+fn inspector_is_in_the_side_panel_or_does_not_cover_its_point() {
     let mut harness = shown(Panes::Scene);
+    let docked = harness.state().cloud.clone().unwrap();
+    harness.state_mut().shell.view.inspected_point = Some(InspectedPoint::new(&docked, None, 0));
+    harness.run_steps(4);
+    let pane = harness.get_by_label("3-D view").rect();
+    let close = harness.get_by_label("Close point").rect();
+    assert!(close.left() > pane.right(), "{close} covers {pane}");
+    harness.get_by_label("Close point").click();
+    harness.run_steps(3);
+    assert!(harness.state().shell.view.inspected_point.is_none());
+    // Without the side panel it is a window.
+    press(&mut harness, Modifiers::NONE, Key::Tab);
     let cloud = harness.state().cloud.clone().unwrap();
     let pane = harness.get_by_label("3-D view").rect();
     // The upper corners of the cloud, and its middle.

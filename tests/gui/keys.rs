@@ -13,7 +13,7 @@ use ostra_session::Command;
 use ostra_session::JobView;
 use ostra_view::Layer;
 
-use crate::desk::{Desk, click_at, on_screen, press};
+use crate::desk::{Desk, choose_more, click_at, on_screen, press};
 
 const CTRL: Modifiers = Modifiers {
     ctrl: true,
@@ -43,8 +43,7 @@ fn shift_h_fills_holes_and_shift_k_removes_islands_of_the_size_in_the_tool_bar()
     press(&mut harness, Modifiers::NONE, Key::Num2);
     press(&mut harness, Modifiers::SHIFT, Key::H);
     press(&mut harness, Modifiers::SHIFT, Key::K);
-    harness.get_by_label("Fill holes of label").click();
-    harness.run_steps(2);
+    choose_more(&mut harness, "Fill holes of label");
     let tidied: Vec<_> = harness
         .state()
         .requested
@@ -67,7 +66,10 @@ fn shift_h_fills_holes_and_shift_k_removes_islands_of_the_size_in_the_tool_bar()
             (0, LabelId(2), 30, 0)
         ]
     );
+    harness.get_by_label("More image tools").click();
+    harness.run_steps(3);
     harness.get_by_label("Size of holes and specks");
+    press(&mut harness, Modifiers::NONE, Key::Escape);
     harness.state_mut().requested.clear();
     press(&mut harness, Modifiers::NONE, Key::End);
     press(&mut harness, Modifiers::SHIFT, Key::H);

@@ -27,6 +27,8 @@ mod instances;
 #[cfg(test)]
 mod keys;
 #[cfg(test)]
+mod layout;
+#[cfg(test)]
 mod matches;
 #[cfg(test)]
 mod measures;

@@ -7,10 +7,11 @@ use egui_kittest::kittest::Queryable;
 use glam::{DVec2, DVec3};
 use ostra_frames::cameras::{SparseKeypoint, SparsePoint, SparsePoints};
 use ostra_project::ReconstructRequest;
+use ostra_project::workflow::Step;
 use ostra_reconstruct::sfm::RegistrationStatus;
 use ostra_session::{Command, SparseReconstruction};
 
-use crate::desk::{Desk, press};
+use crate::desk::{Desk, open_advanced, press};
 
 /// Returns a model in which frames 0, 1 and 3 share points and frame 2 has no camera.
 fn sparse() -> SparseReconstruction {
@@ -101,8 +102,7 @@ fn panel_sends_the_chosen_options() {
         harness.query_by_label("Only labelled pixels").is_none(),
         "folded until it is wanted"
     );
-    harness.get_by_label("Details").click();
-    harness.run_steps(3);
+    open_advanced(&mut harness, Step::Geometry);
     harness.get_by_label("Only labelled pixels").click();
     harness
         .get_by_role_and_label(egui::Role::TextInput, "Pairs")

@@ -1,6 +1,7 @@
 //! Tests of the panels around the image.
 
 use ostra_project::TrackerId;
+use ostra_project::workflow::Step;
 use std::sync::Arc;
 
 use egui_kittest::kittest::{NodeT, Queryable};
@@ -9,7 +10,7 @@ use ostra_frames::{DepthSource, Orientation};
 use ostra_masks::{Apartness, LabelId, PxBox};
 use ostra_session::{Command, Reason, Suggestion, SurfaceKind, TrackSettings};
 
-use crate::desk::{Desk, labels};
+use crate::desk::{Desk, labels, open_advanced, open_step};
 
 #[test]
 fn empty_window_lists_recent_projects() {
@@ -121,6 +122,7 @@ fn suggestions_appear_as_they_arrive_and_become_labels() {
         why,
     };
     harness.state_mut().suggestions.push(one);
+    open_step(&mut harness, Step::Label);
     harness.run_steps(30);
     harness.get_by_label("Add suggestion 1").click();
     harness.run_steps(2);
@@ -152,6 +154,7 @@ fn label_with_children_cannot_be_removed() {
 #[test]
 fn engine_lists_show_which_engines_are_installed() {
     let mut harness = Desk::sample().shown();
+    open_advanced(&mut harness, Step::Track);
     harness
         .get_by_role_and_label(egui::Role::ComboBox, "Tracker")
         .click();
@@ -175,6 +178,7 @@ fn engine_lists_show_which_engines_are_installed() {
 #[test]
 fn geometry_check_needs_depth_and_cameras() {
     let mut harness = Desk::sample().shown();
+    open_advanced(&mut harness, Step::Track);
     let name = "Check by geometry";
     assert!(
         harness.get_by_label(name).accesskit_node().is_disabled(),
@@ -217,13 +221,15 @@ fn geometry_check_needs_depth_and_cameras() {
 
 #[test]
 fn buttons_request_undo_tracking_reconstruction_and_fusion() {
-    let mut desk = Desk::sample();
-    // Without the timeline, all sections are visible.
-    desk.shell.view.prefs.timeline = false;
-    let mut harness = desk.shown();
+    let mut harness = Desk::sample().shown();
     harness.get_by_label("Undo").click();
     harness.run_steps(2);
-    for name in ["Track", "Reconstruct", "Fuse"] {
+    for (step, name) in [
+        (Step::Track, "Track"),
+        (Step::Geometry, "Reconstruct"),
+        (Step::Cloud, "Fuse"),
+    ] {
+        open_step(&mut harness, step);
         let button = harness.get_all_by_label(name).last().unwrap();
         button.click();
         harness.run_steps(2);
@@ -248,6 +254,7 @@ fn one_label_is_re_tracked_around_a_corrected_frame() {
     let mut harness = Desk::sample().shown();
     let name = "Re-track this label around this frame";
     harness.state_mut().shell.view.label = Some(LabelId(2));
+    open_advanced(&mut harness, Step::Track);
     harness.get_by_label("Replace other labels").click();
     harness.run_steps(2);
     harness.get_by_label(name).click();
@@ -271,6 +278,7 @@ fn one_label_is_re_tracked_around_a_corrected_frame() {
 #[test]
 fn network_input_size_can_be_chosen() {
     let mut harness = Desk::sample().shown();
+    open_advanced(&mut harness, Step::Track);
     assert!(
         harness.query_by_label("custom").is_none(),
         "our own trackers see images as they are"

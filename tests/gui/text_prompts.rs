@@ -4,9 +4,10 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use glam::DVec2;
 use ostra_masks::PxBox;
 use ostra_project::SegmenterId;
+use ostra_project::workflow::Step;
 use ostra_session::{Command, EngineKind, FindByTextRequest, FoundThing, Grounding, TakeRequest};
 
-use crate::desk::Desk;
+use crate::desk::{Desk, open_step};
 
 /// Returns a desk with or without an installed grounder.
 fn desk(installed: bool) -> Desk {
@@ -23,7 +24,8 @@ fn desk(installed: bool) -> Desk {
 
 #[test]
 fn text_field_is_disabled_without_a_network() {
-    let harness = desk(false).shown();
+    let mut harness = desk(false).shown();
+    open_step(&mut harness, Step::Label);
     assert!(
         harness
             .get_by_label("Text to find")
@@ -35,6 +37,7 @@ fn text_field_is_disabled_without_a_network() {
 #[test]
 fn found_objects_are_taken_one_by_one_or_all_at_once() {
     let mut harness = desk(true).shown();
+    open_step(&mut harness, Step::Label);
     harness.get_by_label("Text to find").focus();
     harness.run_steps(2);
     harness

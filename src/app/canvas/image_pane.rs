@@ -14,16 +14,16 @@ use ostra_masks::Click;
 use ostra_session::PromptRequest;
 use ostra_view::{Layer, OverlayStyle, ramp};
 
-/// Draws the shown frame's image with its tool bar.
+/// Draws the shown frame's image with its tool row; returns `true` if the pane is dragged away.
 pub(crate) fn image_pane_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &mut ViewState,
     textures: &mut Textures,
     requests: &mut Requests,
-) {
+) -> bool {
     let Some(frame) = session.project.frames.get(view.frame) else {
-        return;
+        return false;
     };
     let size_px = [frame.width.max(1), frame.height.max(1)];
     view.image_middle_px = glam::DVec2::new(f64::from(size_px[0]), f64::from(size_px[1])) / 2.0;
@@ -33,11 +33,7 @@ pub(crate) fn image_pane_ui(
         .scale
         * ui.pixels_per_point()
         * 100.0;
-    egui::Frame::new()
-        .inner_margin(egui::Margin::symmetric(8, 4))
-        .show(ui, |ui| {
-            toolbar_ui(ui, session, view, zoom_percent, &mut requests.actions);
-        });
+    let is_dragged = toolbar_ui(ui, session, view, zoom_percent, &mut requests.actions);
     let (pane, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
     let name = format!("Image {}", frame.name);
     response.widget_info(|| WidgetInfo::labeled(Role::Image, ui.is_enabled(), &name));
@@ -57,6 +53,7 @@ pub(crate) fn image_pane_ui(
     }
     follow_pointer(ui, &response, &map, session, view);
     draw(ui, session, view, textures, &map);
+    is_dragged
 }
 
 fn draw(

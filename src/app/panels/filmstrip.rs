@@ -6,7 +6,9 @@ use crate::textures::Textures;
 use crate::{SessionView, ViewState};
 use ostra_project::{FrameMask, MaskOrigin};
 
-const TILE: Vec2 = Vec2::new(108.0, 92.0);
+const TILE: Vec2 = Vec2::new(92.0, 60.0);
+/// Height of the filmstrip in points, with its scroll bar.
+pub(crate) const FILMSTRIP_HEIGHT: f32 = TILE.y + 12.0;
 const GAP: f32 = 4.0;
 const UV: Rect = Rect {
     min: Pos2::ZERO,
@@ -124,7 +126,7 @@ fn background(ui: &Ui, response: &Response, rect: Rect, shown: bool) {
 
 fn image(ui: &Ui, tile: Tile, session: &SessionView<'_>, textures: &mut Textures) {
     let Tile { frame, rect } = tile;
-    let place = Rect::from_min_max(rect.min + Vec2::splat(4.0), rect.max - Vec2::new(4.0, 20.0));
+    let place = rect.shrink(2.0);
     let Some(image) = session.images.and_then(|images| images.thumbnail(frame)) else {
         ui.painter()
             .rect_filled(place, 2.0, ui.visuals().extreme_bg_color);
@@ -138,7 +140,18 @@ fn image(ui: &Ui, tile: Tile, session: &SessionView<'_>, textures: &mut Textures
 }
 
 fn caption(ui: &Ui, tile: Tile, state: FrameState, shown: bool) {
-    let at = tile.rect.left_bottom() + Vec2::new(11.0, -10.0);
+    // The caption lies over the image, on a ground that makes it legible.
+    let ground = Rect::from_min_max(
+        egui::pos2(tile.rect.left() + 2.0, tile.rect.bottom() - 17.0),
+        tile.rect.max - Vec2::splat(2.0),
+    );
+    let fill = if shown {
+        ui.visuals().selection.bg_fill
+    } else {
+        ui.visuals().panel_fill.gamma_multiply(0.8)
+    };
+    ui.painter().rect_filled(ground, 2.0, fill);
+    let at = tile.rect.left_bottom() + Vec2::new(11.0, -9.5);
     badge(ui, at, state);
     let color = if shown {
         ui.visuals().strong_text_color()

@@ -8,13 +8,31 @@ use crate::{Action, SessionView, ViewState};
 use ostra_project::ResultKind;
 use ostra_session::Command;
 
-/// Draws the settings of fusion and its button.
-pub(crate) fn fuse_ui(
+/// Draws the button of fusion and its voxel size.
+pub(super) fn fuse_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &mut ViewState,
     actions: &mut Vec<Action>,
 ) {
+    let ready = session
+        .project
+        .frames
+        .iter()
+        .any(|frame| frame.posed_camera().is_some());
+    let button = RunButton {
+        action: Action::Fuse,
+        task: &JobTask::Fuse,
+        is_enabled: ready,
+    };
+    run_button_ui(ui, session, view, &button, actions);
+    let text = match (session.running(&JobTask::Fuse), session.cloud) {
+        (Some(job), _) => progress_text(job),
+        (None, Some(cloud)) => format!("{} points", grouped(cloud.len())),
+        (None, None) if ready => "No cloud yet".into(),
+        (None, None) => "Reconstruct first".into(),
+    };
+    ui.weak(text);
     egui::Grid::new("fuse")
         .num_columns(2)
         .spacing([8.0, 6.0])
@@ -25,61 +43,40 @@ pub(crate) fn fuse_ui(
                 "Edge of the voxels in which points are merged, in metres if the scale is known",
                 |ui| voxel_ui(ui, view),
             );
-            field(
-                ui,
-                "Minimum confidence",
-                "Remove labels that won a smaller share of the votes",
-                |ui| {
-                    let mut percent = view.fuse.min_confidence.unwrap_or(0.0) * 100.0;
-                    let drag = DragValue::new(&mut percent)
-                        .range(0.0..=100.0)
-                        .speed(0.5)
-                        .suffix(" %")
-                        .max_decimals(0);
-                    if ui.add(drag).changed() {
-                        view.fuse.min_confidence = (percent > 0.0).then_some(percent / 100.0);
-                    }
-                },
-            );
         });
+}
+
+/// Draws the settings of fusion that few people need.
+pub(super) fn fuse_advanced_ui(ui: &mut Ui, view: &mut ViewState) {
+    let tip = "Remove labels that won a smaller share of the votes";
+    ui.horizontal(|ui| {
+        ui.label("Minimum confidence").on_hover_text(tip);
+        let mut percent = view.fuse.min_confidence.unwrap_or(0.0) * 100.0;
+        let drag = DragValue::new(&mut percent)
+            .range(0.0..=100.0)
+            .speed(0.5)
+            .suffix(" %")
+            .max_decimals(0);
+        let drag = ui
+            .add(drag)
+            .on_hover_text(tip)
+            .accessible_name("Minimum confidence");
+        if drag.changed() {
+            view.fuse.min_confidence = (percent > 0.0).then_some(percent / 100.0);
+        }
+    });
     let tip = "Leave out points without a label";
     ui.checkbox(&mut view.fuse.drop_unlabelled, "Drop unlabelled points")
         .on_hover_text(tip);
-    let onto = egui::CollapsingHeader::new("Label an existing point cloud")
-        .default_open(!view.onto_text.is_empty());
-    onto.show(ui, |ui| {
-        ui.horizontal(|ui| {
-            let field = PathField {
-                name: "Cloud to label",
-                hint: "labelled PLY, or empty",
-                pick: Pick::File,
-                target: PickTarget::Onto,
-            };
-            path_field_ui(ui, &mut view.picker, &field, &mut view.onto_text);
-        });
-    });
-    let ready = session
-        .project
-        .frames
-        .iter()
-        .any(|frame| frame.posed_camera().is_some());
+    ui.label("Label an existing point cloud");
     ui.horizontal(|ui| {
-        let button = RunButton {
-            action: Action::Fuse,
-            task: &JobTask::Fuse,
-            is_enabled: ready,
+        let field = PathField {
+            name: "Cloud to label",
+            hint: "labelled PLY, or empty",
+            pick: Pick::File,
+            target: PickTarget::Onto,
         };
-        run_button_ui(ui, session, view, &button, actions);
-        if let Some(job) = session.running(&JobTask::Fuse) {
-            ui.weak(progress_text(job));
-            return;
-        }
-        let text = match session.cloud {
-            Some(cloud) => format!("{} points", grouped(cloud.len())),
-            None if ready => "No cloud yet".into(),
-            None => "Reconstruct first".into(),
-        };
-        ui.weak(text);
+        path_field_ui(ui, &mut view.picker, &field, &mut view.onto_text);
     });
 }
 
@@ -179,7 +176,7 @@ pub(crate) fn instances_ui(
 }
 
 /// Draws the project's results, how they were made, and whether they are stale.
-pub(crate) fn results_ui(ui: &mut Ui, session: &SessionView<'_>) {
+pub(super) fn results_ui(ui: &mut Ui, session: &SessionView<'_>) {
     if session.project.results.is_empty() {
         ui.weak("No results yet");
     }

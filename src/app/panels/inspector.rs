@@ -29,9 +29,9 @@ fn mark(ui: &Ui, viewport: &SceneViewport, inspected_point: &InspectedPoint) -> 
     Some(at)
 }
 
-/// Draws the point inspector: a cross at the point and a window in a corner away from it.
+/// Draws a cross at the inspected point.
 ///
-/// The window shows the point's label, its votes, and links to the frames that show it.
+/// While the side panel is hidden, the point inspector is a window in a corner away from it.
 pub(super) fn inspector_ui(
     ui: &Ui,
     viewport: &SceneViewport,
@@ -49,7 +49,11 @@ pub(super) fn inspector_ui(
         return;
     };
     let at = mark(ui, viewport, &inspected_point);
-    let (mut open, mut to) = (true, None);
+    if view.steps.is_docked {
+        place.forget();
+        return;
+    }
+    let mut open = true;
     // A small window leaves most of the cloud visible.
     let window = egui::Window::new(egui::RichText::new("Point").strong())
         .default_width(WIDTH)
@@ -60,62 +64,71 @@ pub(super) fn inspector_ui(
     place
         .put(window, ui, viewport.rect, inspected_point.place(), at)
         .constrain_to(viewport.rect)
-        .show(ui.ctx(), |ui| {
-            let tree = if session.root.is_some() {
-                &session.project.labels
-            } else {
-                &inspected_point.cloud.tree
-            };
-            label_ui(
-                ui,
-                tree,
-                inspected_point.cloud.labels[inspected_point.point],
-            );
-            let at = inspected_point.place().as_dvec3() + inspected_point.cloud.origin;
-            ui.weak(format!("at {:.4}, {:.4}, {:.4}", at.x, at.y, at.z))
-                .on_hover_text("World units");
-            let confidence = inspected_point.cloud.confidence[inspected_point.point];
-            ui.label(format!("{:.0} % of the votes", 100.0 * confidence));
-            if inspected_point.votes.is_empty() {
-                ui.weak("No frame with a mask shows this point.");
-            }
-            for &(label, votes) in &inspected_point.votes {
-                ui.horizontal(|ui| {
-                    ui.monospace(format!("{votes:>4}"));
-                    label_ui(ui, tree, label);
-                });
-            }
-            if !inspected_point.voters.is_empty() {
-                ui.separator();
-                egui::ScrollArea::vertical()
-                    .max_height(100.0)
-                    .auto_shrink([false, true])
-                    .show(ui, |ui| {
-                        for voter in &inspected_point.voters {
-                            ui.horizontal(|ui| {
-                                let text = format!("frame {}", voter.frame);
-                                let row = ui.selectable_label(view.frame == voter.frame, text);
-                                if row.on_hover_text("Show the point in this frame").clicked() {
-                                    to = Some((voter.frame, middle(voter.x, voter.y)));
-                                }
-                                match voter.label {
-                                    Some(label) => label_ui(ui, tree, label),
-                                    None => drop(ui.weak("no mask")),
-                                }
-                            });
+        .show(ui.ctx(), |ui| point_ui(ui, session, view, &inspected_point));
+    if !open {
+        view.inspected_point = None;
+    }
+}
+
+/// Draws what is known about a point: its label, its votes, and links to the frames that show it.
+pub(crate) fn point_ui(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    inspected_point: &InspectedPoint,
+) {
+    let mut to = None;
+    let tree = if session.root.is_some() {
+        &session.project.labels
+    } else {
+        &inspected_point.cloud.tree
+    };
+    label_ui(
+        ui,
+        tree,
+        inspected_point.cloud.labels[inspected_point.point],
+    );
+    let at = inspected_point.place().as_dvec3() + inspected_point.cloud.origin;
+    ui.weak(format!("at {:.4}, {:.4}, {:.4}", at.x, at.y, at.z))
+        .on_hover_text("World units");
+    let confidence = inspected_point.cloud.confidence[inspected_point.point];
+    ui.label(format!("{:.0} % of the votes", 100.0 * confidence));
+    if inspected_point.votes.is_empty() {
+        ui.weak("No frame with a mask shows this point.");
+    }
+    for &(label, votes) in &inspected_point.votes {
+        ui.horizontal(|ui| {
+            ui.monospace(format!("{votes:>4}"));
+            label_ui(ui, tree, label);
+        });
+    }
+    if !inspected_point.voters.is_empty() {
+        ui.separator();
+        egui::ScrollArea::vertical()
+            .max_height(100.0)
+            .auto_shrink([false, true])
+            .show(ui, |ui| {
+                for voter in &inspected_point.voters {
+                    ui.horizontal(|ui| {
+                        let text = format!("frame {}", voter.frame);
+                        let row = ui.selectable_label(view.frame == voter.frame, text);
+                        if row.on_hover_text("Show the point in this frame").clicked() {
+                            to = Some((voter.frame, middle(voter.x, voter.y)));
+                        }
+                        match voter.label {
+                            Some(label) => label_ui(ui, tree, label),
+                            None => drop(ui.weak("no mask")),
                         }
                     });
-            }
-        });
+                }
+            });
+    }
     if let Some((frame, at_px)) = to {
         view.go_to(frame);
         view.zoom.centre_px = at_px;
         if view.prefs.panes == Panes::Scene {
             view.prefs.panes = Panes::Both;
         }
-    }
-    if !open {
-        view.inspected_point = None;
     }
 }
 

@@ -2,8 +2,9 @@ use egui::{ProgressBar, RichText, Ui};
 use ostra_core::job::{StepState, time_left_text};
 use ostra_session::{Command, JobTask};
 
+use super::range_bar::range_bar_ui;
 use crate::canvas::id_at;
-use crate::tooltips::{action_button, grouped};
+use crate::tooltips::{action_button, grouped, primary_button};
 use crate::{Action, SessionView, ViewState};
 use ostra_masks::LabelId;
 use ostra_session::JobView;
@@ -17,14 +18,20 @@ pub(crate) fn status_ui(
 ) {
     ui.horizontal(|ui| {
         if let Some(frame) = session.project.frames.get(view.frame) {
+            let count = session.project.frames.len();
             ui.label(format!(
-                "Frame {} of {}",
+                "Frame {} ({} of {count})",
                 view.frame,
-                session.project.frames.len().saturating_sub(1)
-            ));
+                view.frame + 1
+            ))
+            .on_hover_text("Frames are numbered from 0, as in files and on the command line");
             ui.weak(&frame.name);
             ui.separator();
-            pointer_ui(ui, session, view);
+            if view.range.is_some() {
+                range_bar_ui(ui, session, view, actions);
+            } else {
+                pointer_ui(ui, session, view);
+            }
         }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             work_ui(ui, session);
@@ -149,14 +156,8 @@ pub(super) fn run_button_ui(
         (button.action, button.task.title())
     };
     let enabled = button.is_enabled;
-    let strong = egui::RichText::new(text).strong();
-    let button = egui::Button::new(strong).min_size(egui::vec2(92.0, 24.0));
     let tip = view.prefs.shortcuts.tip(ui.ctx(), action);
-    let response = ui
-        .add_enabled(enabled, button)
-        .on_hover_text(&tip)
-        .on_disabled_hover_text(tip);
-    if response.clicked() {
+    if primary_button(ui, text, &tip, enabled).clicked() {
         actions.push(action);
     }
 }

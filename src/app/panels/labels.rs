@@ -21,21 +21,25 @@ pub(crate) fn labels_ui(
             show_all_ui(ui, session, view);
         });
     });
-    let rows = listed(&session.project.labels);
-    if rows.is_empty() {
-        ui.label(
-            RichText::new(
-                "No labels yet. Add one for each object, or click on an object in the image.",
-            )
-            .weak(),
-        );
-    }
-    for row in &rows {
-        label_row_ui(ui, session, view, out, row);
-    }
-    top_level_ui(ui, session, out);
-    ui.add_space(2.0);
-    new_label_ui(ui, session, view, out);
+    // The field for a new label stays in sight however many labels there are.
+    egui::Panel::bottom("new label")
+        .resizable(false)
+        .frame(egui::Frame::new().inner_margin(egui::Margin::symmetric(0, 4)))
+        .show_separator_line(false)
+        .show(ui, |ui| new_label_ui(ui, session, view, out));
+    egui::ScrollArea::vertical()
+        .id_salt("labels")
+        .auto_shrink([false, false])
+        .show(ui, |ui| {
+            let rows = listed(&session.project.labels);
+            if rows.is_empty() {
+                ui.weak("No labels yet. Click on an object in the image.");
+            }
+            for row in &rows {
+                label_row_ui(ui, session, view, out, row);
+            }
+            top_level_ui(ui, session, out);
+        });
 }
 
 /// Adds a label with an unused name, selects it and starts renaming it.

@@ -9,49 +9,37 @@ use crate::{Dialog, SessionView, ViewState};
 use ostra_cloud::measure::LengthUnit;
 use ostra_masks::{Label, LabelTree};
 
-/// Draws the window of traits per label.
-pub(crate) fn measures_ui(ui: &Ui, session: &SessionView<'_>, view: &mut ViewState) {
-    let mut open = view.measures.open;
-    let window = egui::Window::new("Traits")
-        .open(&mut open)
-        .default_size([900.0, 360.0])
-        .resizable(true);
-    window
-        .default_pos(ui.ctx().content_rect().left_top() + egui::vec2(250.0, 60.0))
-        .show(ui.ctx(), |ui| {
-            let Some(cloud) = session.cloud else {
-                ui.label(
-                    "The measures of each label are shown here once there is a cloud: fuse first.",
-                );
-                return;
-            };
-            let tree = if session.root.is_some() {
-                &session.project.labels
-            } else {
-                &cloud.tree
-            };
-            settings_ui(ui, session, view);
-            angles_ui(ui, session, tree, &mut view.measures.angles);
-            ui.separator();
-            match session.traits {
-                Some(rows) => {
-                    view.measures.table.follow(rows);
-                    table_ui(ui, session, view, tree);
-                }
-                None if session.running(&JobTask::MeasureTraits).is_some() => {
-                    ui.horizontal(|ui| {
-                        ui.spinner();
-                        ui.label("Measuring…");
-                    });
-                }
-                None => {
-                    // The job starts with the next frame of the window.
-                    ui.ctx().request_repaint_after_secs(0.2);
-                    ui.label("No label has enough points to measure.");
-                }
-            }
-        });
-    view.measures.open = open;
+/// Draws the traits per label.
+pub(crate) fn measures_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
+    let Some(cloud) = session.cloud else {
+        ui.label("The measures of each label are shown here once there is a cloud: fuse first.");
+        return;
+    };
+    let tree = if session.root.is_some() {
+        &session.project.labels
+    } else {
+        &cloud.tree
+    };
+    settings_ui(ui, session, view);
+    angles_ui(ui, session, tree, &mut view.measures.angles);
+    ui.separator();
+    match session.traits {
+        Some(rows) => {
+            view.measures.table.follow(rows);
+            table_ui(ui, session, view, tree);
+        }
+        None if session.running(&JobTask::MeasureTraits).is_some() => {
+            ui.horizontal(|ui| {
+                ui.spinner();
+                ui.label("Measuring…");
+            });
+        }
+        None => {
+            // The job starts with the next frame of the window.
+            ui.ctx().request_repaint_after_secs(0.2);
+            ui.label("No label has enough points to measure.");
+        }
+    }
 }
 
 fn settings_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
@@ -84,6 +72,10 @@ fn settings_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
         {
             view.clear_path();
             view.dialog = Some(Dialog::Path(PathRequest::SaveTraits));
+        }
+        let close = ui.button("Close").on_hover_text("Close the traits");
+        if close.accessible_name("Close traits").clicked() {
+            view.measures.open = false;
         }
     });
 }

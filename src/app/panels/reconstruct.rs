@@ -41,13 +41,33 @@ const DEVICES: [(DeviceId, &str, &str); 3] = [
     (DeviceId::Gpu, "Graphics card", "The graphics card"),
 ];
 
-/// Draws the settings of reconstruction and its button.
-pub(crate) fn reconstruct_ui(
+/// Draws the button of reconstruction and its method.
+pub(super) fn reconstruct_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &mut ViewState,
     actions: &mut Vec<Action>,
 ) {
+    let button = RunButton {
+        action: Action::Reconstruct,
+        task: &JobTask::Reconstruct,
+        is_enabled: session.has_frames(),
+    };
+    run_button_ui(ui, session, view, &button, actions);
+    if let Some(job) = session.running(&JobTask::Reconstruct) {
+        ui.weak(progress_text(job));
+    } else {
+        let frames = &session.project.frames;
+        let (cameras, depths) = (
+            frames
+                .iter()
+                .filter(|frame| frame.posed_camera().is_some())
+                .count(),
+            frames.iter().filter(|frame| frame.depth.is_some()).count(),
+        );
+        ui.weak(format!("{cameras} cameras, {depths} depth maps"))
+            .on_hover_text("Frames with a camera and frames with a depth map");
+    }
     egui::Grid::new("reconstruct")
         .num_columns(2)
         .spacing([8.0, 6.0])
@@ -60,7 +80,21 @@ pub(crate) fn reconstruct_ui(
                     method_ui(ui, &mut view.reconstruct.method);
                 },
             );
-            field(ui, "Use every Nth frame", "1 uses all frames", |ui| {
+        });
+}
+
+/// Draws the settings of reconstruction that few people need.
+pub(super) fn reconstruct_advanced_ui(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    actions: &mut Vec<Action>,
+) {
+    egui::Grid::new("reconstruct details")
+        .num_columns(2)
+        .spacing([8.0, 6.0])
+        .show(ui, |ui| {
+            field(ui, "Every Nth frame", "1 uses all frames", |ui| {
                 ui.add(
                     DragValue::new(&mut view.reconstruct.every)
                         .range(1..=1000)
@@ -71,42 +105,12 @@ pub(crate) fn reconstruct_ui(
                 device_ui(ui, &mut view.reconstruct.device);
             });
         });
-    let more = egui::CollapsingHeader::new("Details").id_salt("details of reconstruct");
-    more.show_unindented(ui, |ui| finding_ui(ui, session, view));
-    ui.horizontal(|ui| {
-        let button = RunButton {
-            action: Action::Reconstruct,
-            task: &JobTask::Reconstruct,
-            is_enabled: session.has_frames(),
-        };
-        run_button_ui(ui, session, view, &button, actions);
-        if let Some(job) = session.running(&JobTask::Reconstruct) {
-            ui.weak(progress_text(job));
-            return;
-        }
-        let frames = &session.project.frames;
-        let (cameras, depths) = (
-            frames
-                .iter()
-                .filter(|frame| frame.posed_camera().is_some())
-                .count(),
-            frames.iter().filter(|frame| frame.depth.is_some()).count(),
-        );
-        ui.weak(format!("{cameras} cameras, {depths} depth maps"))
-            .on_hover_text("Frames with a camera and frames with a depth map");
-    });
+    finding_ui(ui, session, view);
     if session.sparse.is_some() {
-        let shortcuts = &view.prefs.shortcuts;
-        if action_button(
-            ui,
-            shortcuts,
-            Action::ToggleMatches,
-            "Cameras and matches",
-            true,
-        )
-        .clicked()
-        {
-            actions.push(Action::ToggleMatches);
+        let action = Action::ToggleMatches;
+        let text = "Cameras and matches";
+        if action_button(ui, &view.prefs.shortcuts, action, text, true).clicked() {
+            actions.push(action);
         }
     }
 }
@@ -118,7 +122,7 @@ fn method_ui(ui: &mut Ui, method: &mut ReconstructMethod) {
         .map_or("", |row| row.1);
     egui::ComboBox::from_id_salt("method")
         .selected_text(text)
-        .width(150.0)
+        .width((ui.available_width() - 4.0).clamp(60.0, 150.0))
         .show_ui(ui, |ui| {
             for (value, text, tip) in METHODS {
                 ui.selectable_value(method, value, text).on_hover_text(tip);
@@ -133,7 +137,7 @@ fn device_ui(ui: &mut Ui, device: &mut DeviceId) {
         .map_or("", |row| row.1);
     egui::ComboBox::from_id_salt("device")
         .selected_text(text)
-        .width(150.0)
+        .width((ui.available_width() - 4.0).clamp(60.0, 150.0))
         .show_ui(ui, |ui| {
             for (value, text, tip) in DEVICES {
                 ui.selectable_value(device, value, text).on_hover_text(tip);
@@ -154,14 +158,14 @@ fn finding_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
         field(ui, "Matching", "How features are matched between images", |ui| {
             engine_choice_ui(ui, "matcher", session.engines_of(EngineKind::Matcher), &mut request.matcher);
         });
-        field(ui, "Fragment registration", "How fragments of an RGB-D recording without other links are registered", |ui| {
+        field(ui, "Fragments", "How fragments of an RGB-D recording without other links are registered", |ui| {
             registration_ui(ui, &mut request.registration);
         });
         let tip = "Larger images are reduced to this size; automatic is 3200 px for cameras and 1600 px for depth maps";
         field(ui, "Longest side", tip, |ui| side_ui(ui, &mut request.max_side));
         let tip = "Pairs of frames to match in any case, for example 0,12 3,40";
         field(ui, "Pairs", tip, |ui| {
-            let text = TextEdit::singleline(&mut view.pairs_text).hint_text("0,12 3,40").desired_width(150.0);
+            let text = TextEdit::singleline(&mut view.pairs_text).hint_text("0,12 3,40").desired_width(110.0);
             ui.add(text).on_hover_text(tip).accessible_name("Pairs");
         });
     });
@@ -196,7 +200,7 @@ fn registration_ui(ui: &mut Ui, chosen: &mut RegistrationId) {
         .map_or("", |row| row.1);
     egui::ComboBox::from_id_salt("registration")
         .selected_text(text)
-        .width(150.0)
+        .width((ui.available_width() - 4.0).clamp(60.0, 150.0))
         .show_ui(ui, |ui| {
             for (value, text, tip) in METHODS {
                 ui.selectable_value(chosen, value, text).on_hover_text(tip);

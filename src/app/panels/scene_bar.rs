@@ -1,12 +1,15 @@
-use egui::containers::menu::{MenuButton, MenuConfig};
-use egui::{ComboBox, DragValue, PopupCloseBehavior, Slider, Ui};
+use egui::{ComboBox, Slider, Ui};
 
 use super::ruler::ruler_ui;
-use crate::scene_prefs::{ClipSides, Slice};
+use super::scene_menus::{clip_ui, display_ui};
+use crate::icons::{Icon, IconButton};
+use crate::pane_buttons::pane_buttons_ui;
+use crate::scene_prefs::ClipSides;
 use crate::session_view::labels_of;
-use crate::tooltips::{action_button, together};
+use crate::tool_row::{ICON, Slot, icon_menu, tool_row};
+use crate::tooltips::together;
 use crate::{Action, SessionView, Shown, ViewState};
-use ostra_view::{Coloring, Side};
+use ostra_view::Coloring;
 
 const COLORINGS: [(Coloring, &str, &str); 7] = [
     (Coloring::Rgb, "Colour", "Colour of the images"),
@@ -45,79 +48,278 @@ const MODELS: [(Shown, &str, &str); 4] = [
     (Shown::Voxels, "Voxels", "Occupied voxels"),
 ];
 
-/// Draws the tool bar of the 3-D view: model, colours, point size, frusta and viewpoint.
+/// Item of the tool row above the 3-D view.
+#[derive(Clone, Copy)]
+enum Item {
+    Gap,
+    Model,
+    Coloring,
+    Level,
+    Do(Action),
+    Select,
+    Ruler,
+    Display,
+    Clip,
+    Cameras,
+    Images,
+    Links,
+    Size,
+}
+
+/// Draws the tool row of the 3-D view: model, colours, point size, frusta and viewpoint.
+///
+/// Returns `true` if the pane is dragged away.
 pub(super) fn scene_bar_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &mut ViewState,
     actions: &mut Vec<Action>,
+) -> bool {
+    let mut is_dragged = false;
+    let items = items(session, view);
+    tool_row(ui, "More 3-D tools", &items, |ui, slot| match slot {
+        Slot::End if session.has_frames() => {
+            is_dragged = pane_buttons_ui(ui, view, Action::ShowScene, actions);
+        }
+        Slot::End => {}
+        Slot::Row(Item::Coloring) | Slot::Menu(Item::Coloring) => coloring_ui(ui, session, view),
+        Slot::Row(Item::Level) | Slot::Menu(Item::Level) => level_ui(ui, session, view),
+        Slot::Row(item) => item_ui(ui, view, item, false, actions),
+        Slot::Menu(item) => item_ui(ui, view, item, true, actions),
+    });
+    is_dragged
+}
+
+fn items(session: &SessionView<'_>, view: &ViewState) -> Vec<(Item, f32)> {
+    let has_cameras = session
+        .project
+        .frames
+        .iter()
+        .any(|frame| frame.posed_camera().is_some());
+    let has_links = session
+        .sparse
+        .is_some_and(|sparse| !sparse.links.is_empty());
+    let has_levels = view.coloring == Coloring::Label && deepest(session) > 1;
+    let all = [
+        (session.has_surface, Item::Model, 96.0),
+        (true, Item::Coloring, 98.0),
+        (true, Item::Do(Action::FrameCloud), ICON),
+        (has_cameras, Item::Do(Action::LookThrough), ICON),
+        (true, Item::Gap, 8.0),
+        (session.votes.is_some(), Item::Select, ICON),
+        (session.points().is_some(), Item::Ruler, ICON),
+        (true, Item::Gap, 8.0),
+        (true, Item::Display, ICON + 4.0),
+        (true, Item::Clip, ICON + 4.0),
+        (has_cameras, Item::Cameras, ICON),
+        (has_cameras, Item::Images, ICON),
+        (has_links, Item::Links, ICON),
+        (true, Item::Size, 66.0),
+        (has_levels, Item::Level, 90.0),
+    ];
+    all.into_iter()
+        .filter(|&(is_there, ..)| is_there)
+        .map(|(_, item, width)| (item, width))
+        .collect()
+}
+
+fn item_ui(
+    ui: &mut Ui,
+    view: &mut ViewState,
+    item: Item,
+    in_menu: bool,
+    actions: &mut Vec<Action>,
 ) {
-    ui.horizontal_wrapped(|ui| {
-        if session.has_surface {
-            let text = MODELS.iter().find(|(shown, ..)| *shown == view.shown).map_or("Points", |(_, text, _)| text);
-            let choice = ComboBox::from_id_salt("model").selected_text(text).width(88.0).show_ui(ui, |ui| {
-                for (shown, text, tip) in MODELS {
-                    ui.selectable_value(&mut view.shown, shown, text).on_hover_text(tip);
-                }
-            });
-            choice.response.on_hover_text("Model to show").accessible_name("Shown model");
-            ui.add_space(8.0);
+    match item {
+        Item::Gap if in_menu => drop(ui.separator()),
+        Item::Gap => ui.add_space(4.0),
+        Item::Model => model_ui(ui, view),
+        Item::Do(action) => {
+            let (icon, name) = if action == Action::FrameCloud {
+                (Icon::Fit, "All")
+            } else {
+                (Icon::Camera, "Camera view")
+            };
+            if icon_ui(ui, view, (icon, name), action, in_menu) {
+                actions.push(action);
+            }
         }
-        coloring_ui(ui, session, view);
-        ui.add_space(8.0);
-        ui.spacing_mut().slider_width = 70.0;
-        let slider = Slider::new(&mut view.prefs.point_size, 1.0..=12.0).show_value(false);
-        together(ui, 110.0, |ui| {
-            ui.label("Size");
-            ui.add(slider).on_hover_text("Size of the points").accessible_name("Point size");
-        });
-        let has_cameras = session.project.frames.iter().any(|frame| frame.posed_camera().is_some());
-        if has_cameras {
-            ui.checkbox(&mut view.prefs.frusta, "Cameras")
-                .on_hover_text("Show the cameras; click one to go to its frame");
-            let tip = "Show the image in front of each camera";
-            let images = egui::Checkbox::new(&mut view.prefs.scene.images, "Images");
-            ui.add_enabled(view.prefs.frusta, images).on_hover_text(tip);
-        }
-        if session.sparse.is_some_and(|sparse| !sparse.links.is_empty()) {
-            ui.checkbox(&mut view.prefs.links, "Links").on_hover_text(
-                "Which frames hold each other: grey one after the other, green where they see the same, orange by their \
-                 shape, red where the others contradict it",
-            );
-        }
-        ui.add_space(8.0);
-        display_ui(ui, view, actions);
-        clip_ui(ui, &mut view.scene.clip);
-        let shortcuts = &view.prefs.shortcuts;
-        if action_button(ui, shortcuts, Action::FrameCloud, "All", true).clicked() {
-            actions.push(Action::FrameCloud);
-        }
-        if has_cameras && action_button(ui, shortcuts, Action::LookThrough, "Camera view", true).clicked() {
-            actions.push(Action::LookThrough);
-        }
-        if session.votes.is_some() {
-            let tip = shortcuts.tip(ui.ctx(), Action::ChoosePoints);
-            if ui.selectable_label(view.scene_select.in_hand, "Select").on_hover_text(tip).clicked() {
+        Item::Select => {
+            if icon_ui(
+                ui,
+                view,
+                (Icon::Lasso, "Select"),
+                Action::ChoosePoints,
+                in_menu,
+            ) {
                 actions.push(Action::ChoosePoints);
             }
         }
-        if session.points().is_some() {
-            ui.toggle_value(&mut view.ruler.in_hand, "Ruler")
-                .on_hover_text("Click points to measure distances, lines and angles, and to set the scale by a distance");
+        Item::Display if in_menu => {
+            ui.collapsing("Display", |ui| display_ui(ui, view, actions));
         }
-        // Controls that appear and disappear come last, so that the others do not move.
-        if view.scene.through.is_some() {
-            let slider = Slider::new(&mut view.prefs.scene.blend, 0.0..=1.0).show_value(false);
-            let tip = "Opacity of the image over the 3-D view; the view follows the current frame";
-            together(ui, 130.0, |ui| {
-                ui.label("Image");
-                ui.add(slider).on_hover_text(tip).accessible_name("Opacity of the image");
+        Item::Display => {
+            let menu = icon_menu(ui, Icon::Sliders, "Display", |ui| {
+                display_ui(ui, view, actions);
             });
+            menu.on_hover_text("Lighting, projection, background and view direction");
         }
-        isolated_ui(ui, session, view);
-        if session.points().is_some() {
-            ruler_ui(ui, session, view, actions);
+        Item::Clip if in_menu => {
+            ui.collapsing("Clip", |ui| clip_ui(ui, &mut view.scene.clip));
         }
+        Item::Clip => {
+            let is_on = view.scene.clip != ClipSides::default();
+            let menu = icon_menu(ui, Icon::Clip, "Clip", |ui| {
+                clip_ui(ui, &mut view.scene.clip)
+            });
+            if is_on {
+                let at = menu.rect.right_top() + egui::vec2(-4.0, 4.0);
+                ui.painter()
+                    .circle_filled(at, 3.0, ui.visuals().warn_fg_color);
+            }
+            menu.on_hover_text("Hide the points outside a box or slice");
+        }
+        Item::Size => {
+            ui.spacing_mut().slider_width = 60.0;
+            let slider = Slider::new(&mut view.prefs.point_size, 1.0..=12.0).show_value(false);
+            ui.add(slider)
+                .on_hover_text("Size of the points")
+                .accessible_name("Point size");
+        }
+        Item::Ruler | Item::Cameras | Item::Images | Item::Links => {
+            switch_ui(ui, view, item, in_menu);
+        }
+        Item::Coloring | Item::Level => {}
+    }
+}
+
+/// Adds the button of an action and returns `true` if it is clicked.
+fn icon_ui(
+    ui: &mut Ui,
+    view: &ViewState,
+    (icon, name): (Icon, &str),
+    action: Action,
+    in_menu: bool,
+) -> bool {
+    let selected = (action == Action::ChoosePoints).then_some(view.scene_select.in_hand);
+    let button = IconButton {
+        icon,
+        name,
+        tip: &view.prefs.shortcuts.tip(ui.ctx(), action),
+        selected,
+        enabled: true,
+    };
+    button.show(ui, in_menu).clicked()
+}
+
+fn switch_ui(ui: &mut Ui, view: &mut ViewState, item: Item, in_menu: bool) {
+    let has_frusta = view.prefs.frusta;
+    let (icon, name, tip, value) = match item {
+        Item::Ruler => (
+            Icon::Ruler,
+            "Ruler",
+            "Click points to measure distances, lines and angles, and to set the scale by a distance",
+            &mut view.ruler.in_hand,
+        ),
+        Item::Cameras => (
+            Icon::Frustum,
+            "Cameras",
+            "Show the cameras; click one to go to its frame",
+            &mut view.prefs.frusta,
+        ),
+        Item::Images => (
+            Icon::Picture,
+            "Images",
+            "Show the image in front of each camera",
+            &mut view.prefs.scene.images,
+        ),
+        _ => (
+            Icon::Links,
+            "Links",
+            "Which frames hold each other: grey one after the other, green where they see the same, orange by their \
+             shape, red where the others contradict it",
+            &mut view.prefs.links,
+        ),
+    };
+    let button = IconButton {
+        icon,
+        name,
+        tip,
+        selected: Some(*value),
+        enabled: has_frusta || name != "Images",
+    };
+    if button.show(ui, in_menu).clicked() {
+        *value = !*value;
+    }
+}
+
+fn model_ui(ui: &mut Ui, view: &mut ViewState) {
+    let text = MODELS
+        .iter()
+        .find(|(shown, ..)| *shown == view.shown)
+        .map_or("Points", |(_, text, _)| text);
+    let choice = ComboBox::from_id_salt("model")
+        .selected_text(text)
+        .width(88.0)
+        .show_ui(ui, |ui| {
+            for (shown, text, tip) in MODELS {
+                ui.selectable_value(&mut view.shown, shown, text)
+                    .on_hover_text(tip);
+            }
+        });
+    choice
+        .response
+        .on_hover_text("Model to show")
+        .accessible_name("Shown model");
+}
+
+/// Draws what belongs to the ruler, the isolated label and the camera view over the 3-D view.
+///
+/// It lies over the view, which keeps its size.
+pub(super) fn scene_context_ui(
+    ui: &mut Ui,
+    rect: egui::Rect,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    actions: &mut Vec<Action>,
+) {
+    let has_ruler = view.ruler.in_hand && session.points().is_some();
+    let is_filtered = view.scene.uncertain_below.is_some()
+        || view
+            .scene
+            .isolated
+            .is_some_and(|id| labels_of(session).get(id).is_some());
+    if !has_ruler && !is_filtered && view.scene.through.is_none() {
+        return;
+    }
+    let builder = egui::UiBuilder::new()
+        .max_rect(rect.shrink(8.0))
+        .layout(egui::Layout::left_to_right(egui::Align::Min));
+    let fill = ui.visuals().window_fill.gamma_multiply(0.92);
+    let frame = egui::Frame::new()
+        .fill(fill)
+        .corner_radius(6)
+        .inner_margin(egui::Margin::symmetric(8, 4));
+    frame.show(&mut ui.new_child(builder), |ui| {
+        ui.spacing_mut().item_spacing = egui::vec2(6.0, 4.0);
+        ui.horizontal_wrapped(|ui| {
+            if view.scene.through.is_some() {
+                let slider = Slider::new(&mut view.prefs.scene.blend, 0.0..=1.0).show_value(false);
+                let tip =
+                    "Opacity of the image over the 3-D view; the view follows the current frame";
+                ui.spacing_mut().slider_width = 70.0;
+                together(ui, 130.0, |ui| {
+                    ui.label("Image");
+                    ui.add(slider)
+                        .on_hover_text(tip)
+                        .accessible_name("Opacity of the image");
+                });
+            }
+            isolated_ui(ui, session, view);
+            if has_ruler {
+                ruler_ui(ui, session, view, actions);
+            }
+        });
     });
 }
 
@@ -129,7 +331,7 @@ pub(super) fn coloring_text(coloring: Coloring) -> &'static str {
         .map_or("Colour", |(_, text, _)| text)
 }
 
-/// Draws the choice of the colouring and, for labels, of the level in the label tree.
+/// Draws the choice of the colouring.
 fn coloring_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     let choice = ComboBox::from_id_salt("coloring")
         .selected_text(coloring_text(view.coloring))
@@ -152,15 +354,20 @@ fn coloring_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
         .response
         .on_hover_text("Choose the colours of the points")
         .accessible_name("Colour by");
+}
+
+/// Returns the depth of the label tree.
+fn deepest(session: &SessionView<'_>) -> usize {
     let tree = labels_of(session);
-    let deepest = tree
-        .iter()
+    tree.iter()
         .map(|label| tree.depth(label.id))
         .max()
-        .unwrap_or(0);
-    if view.coloring != Coloring::Label || deepest < 2 {
-        return;
-    }
+        .unwrap_or(0)
+}
+
+/// Draws the choice of the level in the label tree.
+fn level_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
+    let deepest = deepest(session);
     let name = |level: Option<usize>| {
         level.map_or_else(|| "All levels".into(), |level| format!("Level {level}"))
     };
@@ -201,199 +408,5 @@ fn isolated_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
         .on_hover_text("Show all labels again");
     if button.accessible_name("Show all labels").clicked() {
         view.scene.isolated = None;
-    }
-}
-
-/// Names of the two sides of each axis.
-const SIDES: [[&str; 2]; 3] = [["Left", "Right"], ["Bottom", "Top"], ["Front", "Back"]];
-const AXES: [&str; 3] = ["Left to right", "Bottom to top", "Front to back"];
-
-/// Draws the menu of viewpoints, projection, lighting and background.
-fn display_ui(ui: &mut Ui, view: &mut ViewState, actions: &mut Vec<Action>) {
-    let menu = staying("Display").ui(ui, |ui| {
-        ui.set_min_width(250.0);
-        ui.horizontal_wrapped(|ui| {
-            for side in Side::ALL {
-                let action = Action::LookFrom(side);
-                if action_button(ui, &view.prefs.shortcuts, action, side_text(side), true).clicked() {
-                    actions.push(action);
-                }
-            }
-        });
-        let scene = &mut view.prefs.scene;
-        ui.checkbox(&mut scene.orthographic, "Orthographic").on_hover_text("Use an orthographic projection");
-        ui.checkbox(&mut view.scene.turning, "Turntable")
-            .on_hover_text("Rotate the view about the vertical axis until you click or drag in it");
-        ui.separator();
-        ui.checkbox(&mut scene.edl, "Eye-dome lighting")
-            .on_hover_text("Shade points that lie behind their neighbours");
-        let strength = Slider::new(&mut scene.edl_strength, 0.1..=4.0).logarithmic(true).show_value(false);
-        ui.add_enabled_ui(scene.edl, |ui| {
-            ui.horizontal(|ui| {
-                ui.label("Strength");
-                ui.add(strength).on_hover_text("Strength of the lighting").accessible_name("Lighting strength");
-            });
-        });
-        background_ui(ui, &mut scene.background);
-        ui.checkbox(&mut scene.scale_bar, "Scale bar")
-            .on_hover_text("Show a scale bar for the depth at the centre");
-        ui.checkbox(&mut scene.axes, "Axes").on_hover_text("Show the directions of the world axes");
-        ui.horizontal(|ui| {
-            ui.label("Cameras");
-            let frustum = Slider::new(&mut scene.frustum, 0.02..=0.5).logarithmic(true).show_value(false);
-            let tip = "Size of cameras and their images";
-            ui.add_enabled(view.prefs.frusta, frustum).on_hover_text(tip).accessible_name("Size of cameras");
-        });
-        ui.horizontal(|ui| {
-            ui.label("Others");
-            let faint = Slider::new(&mut scene.faint, 0.0..=1.0).show_value(false);
-            let tip = "Opacity of the other points while a label is isolated (Alt+click) or uncertain points are shown";
-            ui.add(faint).on_hover_text(tip).accessible_name("Opacity of others");
-        });
-        uncertain_ui(ui, &mut view.scene.uncertain_below);
-    });
-    menu.0
-        .on_hover_text("Lighting, projection, background and view direction");
-}
-
-/// Initial vote share below which points count as uncertain.
-const UNCERTAIN: f32 = 0.7;
-
-fn uncertain_ui(ui: &mut Ui, below: &mut Option<f32>) {
-    ui.horizontal(|ui| {
-        let mut on = below.is_some();
-        let tip = "Highlight points whose label won less than this share of the votes";
-        if ui
-            .checkbox(&mut on, "Uncertain points only")
-            .on_hover_text(tip)
-            .changed()
-        {
-            *below = on.then_some(UNCERTAIN);
-        }
-        if let Some(below) = below {
-            let mut percent = *below * 100.0;
-            let share = DragValue::new(&mut percent)
-                .range(1.0..=100.0)
-                .speed(0.5)
-                .suffix(" %")
-                .max_decimals(0);
-            if ui
-                .add(share)
-                .on_hover_text(tip)
-                .accessible_name("Uncertain below")
-                .changed()
-            {
-                *below = percent / 100.0;
-            }
-        }
-    });
-}
-
-fn background_ui(ui: &mut Ui, background: &mut Option<[u8; 3]>) {
-    ui.horizontal(|ui| {
-        let mut own = background.is_some();
-        if ui
-            .checkbox(&mut own, "Custom background")
-            .on_hover_text("Use this colour instead of the theme's")
-            .changed()
-        {
-            *background = own.then_some([255; 3]);
-        }
-        if let Some(color) = background {
-            ui.color_edit_button_srgb(color)
-                .on_hover_text("Change the colour")
-                .accessible_name("Background colour");
-        }
-    });
-}
-
-/// Draws the menu of the clipping box and slice; nothing outside them is drawn or picked.
-fn clip_ui(ui: &mut Ui, clip: &mut ClipSides) {
-    let text = if *clip == ClipSides::default() {
-        "Clip"
-    } else {
-        "Clip (on)"
-    };
-    let menu = staying(text).ui(ui, |ui| {
-        ui.set_min_width(250.0);
-        egui::Grid::new("clip sides").num_columns(2).show(ui, |ui| {
-            for (sides, names) in clip.sides.iter_mut().zip(SIDES) {
-                let [low, high] = sides;
-                share_ui(ui, low, names[0], "Move this side of the box inwards");
-                share_ui(ui, high, names[1], "Move this side of the box inwards");
-                (*low, *high) = (low.min(*high - 0.001), high.max(*low + 0.001));
-            }
-        });
-        ui.separator();
-        slice_ui(ui, &mut clip.slice);
-        ui.separator();
-        if ui
-            .button("Show everything")
-            .on_hover_text("Remove box and slice")
-            .clicked()
-        {
-            *clip = ClipSides::default();
-        }
-    });
-    menu.0
-        .on_hover_text("Hide the points outside a box or slice")
-        .accessible_name("Clip");
-}
-
-fn slice_ui(ui: &mut Ui, slice: &mut Option<Slice>) {
-    let mut on = slice.is_some();
-    if ui
-        .checkbox(&mut on, "Slice")
-        .on_hover_text("Show only points near a plane")
-        .changed()
-    {
-        *slice = on.then(Slice::default);
-    }
-    let Some(slice) = slice else { return };
-    let choice = ComboBox::from_id_salt("slice axis")
-        .selected_text(AXES[slice.axis])
-        .show_ui(ui, |ui| {
-            for (axis, text) in AXES.into_iter().enumerate() {
-                ui.selectable_value(&mut slice.axis, axis, text);
-            }
-        });
-    choice
-        .response
-        .on_hover_text("Axis of the slice")
-        .accessible_name("Slice axis");
-    egui::Grid::new("slice").num_columns(2).show(ui, |ui| {
-        share_ui(ui, &mut slice.at, "Position", "Position of the slice");
-        share_ui(
-            ui,
-            &mut slice.thickness,
-            "Thickness",
-            "Thickness of the slice",
-        );
-    });
-    slice.thickness = slice.thickness.max(0.002);
-}
-
-fn share_ui(ui: &mut Ui, share: &mut f32, name: &str, tip: &str) {
-    ui.label(name);
-    ui.add(Slider::new(share, 0.0..=1.0).show_value(false))
-        .on_hover_text(tip)
-        .accessible_name(format!("Clip {name}"));
-    ui.end_row();
-}
-
-/// Returns a menu that stays open while its contents are changed.
-fn staying(text: &str) -> MenuButton<'_> {
-    let config = MenuConfig::new().close_behavior(PopupCloseBehavior::CloseOnClickOutside);
-    MenuButton::new(text).config(config)
-}
-
-fn side_text(side: Side) -> &'static str {
-    match side {
-        Side::Front => "Front",
-        Side::Back => "Back",
-        Side::Left => "Left",
-        Side::Right => "Right",
-        Side::Top => "Top",
-        Side::Bottom => "Bottom",
     }
 }

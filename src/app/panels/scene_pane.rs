@@ -4,7 +4,7 @@ use egui::{PointerButton, Rect, Response, Role, Sense, Ui, WidgetInfo};
 use glam::{Vec2, Vec3};
 
 use super::inspector::{InspectedPlace, inspector_ui};
-use super::scene_bar::scene_bar_ui;
+use super::scene_bar::{scene_bar_ui, scene_context_ui};
 use super::scene_content::{
     Framed, SceneCanvas, SceneViewport, bounds, every_nth, framing, image_planes, message, model,
 };
@@ -90,7 +90,7 @@ impl ScenePane {
         self.orbit
     }
 
-    /// Draws the tool bar and the view.
+    /// Draws the tool row and the view; returns `true` if the pane is dragged away.
     pub(crate) fn ui(
         &mut self,
         ui: &mut Ui,
@@ -98,12 +98,8 @@ impl ScenePane {
         view: &mut ViewState,
         textures: &mut Textures,
         actions: &mut Vec<Action>,
-    ) {
-        egui::Frame::new()
-            .inner_margin(egui::Margin::symmetric(8, 4))
-            .show(ui, |ui| {
-                scene_bar_ui(ui, session, view, actions);
-            });
+    ) -> bool {
+        let is_dragged = scene_bar_ui(ui, session, view, actions);
         let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
         response.widget_info(|| WidgetInfo::labeled(Role::Image, ui.is_enabled(), "3-D view"));
         ui.painter()
@@ -112,11 +108,8 @@ impl ScenePane {
         let through = view.scene.through;
         self.frame_new_content(session, view, size.x / size.y.max(1.0));
         let Some(orbit) = self.orbit else {
-            return message(
-                ui,
-                rect,
-                "Frames with cameras appear here, and the cloud after Fuse.",
-            );
+            message(ui, rect, "The 3-D view appears once there is depth");
+            return is_dragged;
         };
         let camera = orbit.camera(size.x.max(1.0) as u32, size.y.max(1.0) as u32);
         self.take_picks(session, view);
@@ -146,6 +139,8 @@ impl ScenePane {
         }
         inspector_ui(ui, &viewport, &mut self.inspected_place, session, view);
         chosen_ui(ui, &viewport, session, view, actions);
+        scene_context_ui(ui, rect, session, view, actions);
+        is_dragged
     }
 
     /// Frames the scene for a new cloud, for the first cameras, or on request.

@@ -23,7 +23,9 @@ const SHAPES: [(SelectShape, &str, &str); 3] = [
     (SelectShape::Brush, "Brush", "Drag over points"),
 ];
 
-/// Draws the outline and selected points over the 3-D view, and the selection panel.
+/// Draws the outline and selected points over the 3-D view.
+///
+/// While the side panel is hidden, the selection panel is a window over the view.
 pub(super) fn chosen_ui(
     ui: &Ui,
     viewport: &SceneViewport,
@@ -40,7 +42,7 @@ pub(super) fn chosen_ui(
         mark(ui, viewport, &cloud.positions, chosen);
     }
     draw_outline(ui, rect, &view.scene_select);
-    if !view.scene_select.in_hand {
+    if !view.scene_select.in_hand || view.steps.is_docked {
         return;
     }
     let window = egui::Window::new("Select points")
@@ -51,12 +53,22 @@ pub(super) fn chosen_ui(
         .pivot(egui::Align2::LEFT_BOTTOM)
         .default_pos(rect.left_bottom() + Vec2::new(8.0, -8.0));
     window.constrain_to(rect).show(ui.ctx(), |ui| {
-        shape_ui(ui, &mut view.scene_select);
-        ui.horizontal_wrapped(|ui| count_ui(ui, session, &mut view.scene_select));
-        ui.add_enabled_ui(has_chosen(session, view), |ui| steps_ui(ui, session, view));
-        ui.separator();
-        correct_ui(ui, session, view, actions);
+        selection_ui(ui, session, view, actions);
     });
+}
+
+/// Draws the selection of points: shape, count, changes, and corrections of the labels.
+pub(crate) fn selection_ui(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    actions: &mut Vec<Action>,
+) {
+    shape_ui(ui, &mut view.scene_select);
+    ui.horizontal_wrapped(|ui| count_ui(ui, session, &mut view.scene_select));
+    ui.add_enabled_ui(has_chosen(session, view), |ui| steps_ui(ui, session, view));
+    ui.separator();
+    correct_ui(ui, session, view, actions);
 }
 
 /// Marks the selected points, including hidden ones behind others.

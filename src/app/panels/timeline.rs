@@ -4,51 +4,26 @@ use egui::{Color32, Pos2, Rect, Response, Role, ScrollArea, Sense, Stroke, Ui, V
 
 use super::heat::{Columns, heat, mark};
 use super::label_edit::{ListedLabel, listed};
-use crate::menu::is_possible;
-use crate::tooltips::action_button;
+use super::range_bar::range_menu_ui;
 use crate::{Action, SessionView, ViewState};
 use ostra_masks::{Label, LabelId};
 use ostra_project::MaskOrigin;
 
-const ROW: f32 = 18.0;
+pub(crate) const ROW: f32 = 17.0;
 const NAMES: f32 = 120.0;
 /// Minimum width of a frame. If not all frames fit, those around the shown one are drawn.
 const LEAST_WIDTH: f32 = 4.0;
 
-/// Actions on the selected label over the range, with the texts of their buttons.
-const BUTTONS: [(Action, &str); 10] = [
-    (Action::DeleteRange, "Delete"),
-    (Action::RestoreRange, "Restore"),
-    (Action::AppearsHere, "Appears here"),
-    (Action::GoneFromHere, "Disappears here"),
-    (Action::LockRange, "Lock"),
-    (Action::HideRange, "Hide"),
-    (Action::MergeRange, "Merge…"),
-    (Action::InterpolateRange, "Interpolate"),
-    (Action::CopyMask, "Copy"),
-    (Action::PasteMask, "Paste"),
-];
-
 /// Draws the grid of labels and frames with presence, confidence and marks.
 ///
-/// A click goes to label and frame, a drag selects a range. The buttons and the context menu change
-/// the label over the range.
+/// A click goes to label and frame, a drag selects a range. The context menu changes the label over
+/// the range.
 pub(crate) fn timeline_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &mut ViewState,
     actions: &mut Vec<Action>,
 ) {
-    ui.horizontal_wrapped(|ui| {
-        range_ui(ui, session, view, actions);
-        for (action, text) in BUTTONS {
-            let possible = is_possible(action, session, view);
-            let response = action_button(ui, &view.prefs.shortcuts, action, text, possible);
-            if response.accessible_name(action.text()).clicked() {
-                actions.push(action);
-            }
-        }
-    });
     let rows = listed(&session.project.labels);
     let frames = frames_in_sight(ui, session, view);
     ScrollArea::vertical()
@@ -64,30 +39,6 @@ pub(crate) fn timeline_ui(
                 row_ui(ui, session, view, actions, row);
             }
         });
-}
-
-fn range_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState, actions: &mut Vec<Action>) {
-    let name = view
-        .label
-        .and_then(|id| session.project.labels.get(id))
-        .map_or("no label", |label| label.name.as_str());
-    let text = match view.range {
-        Some((from, to)) => format!("{name}, frames {from}–{to}"),
-        None => format!("{name}, frame {}", view.frame),
-    };
-    let tip =
-        "Frames changed by the buttons; drag over frames, or set the ends with the Range menu";
-    ui.add_sized([NAMES + 60.0, 18.0], egui::Label::new(text).truncate())
-        .on_hover_text(tip);
-    if view.range.is_some() {
-        let action = Action::DropRange;
-        if action_button(ui, &view.prefs.shortcuts, action, "×", true)
-            .accessible_name(action.text())
-            .clicked()
-        {
-            actions.push(action);
-        }
-    }
 }
 
 /// Returns the frames that fit next to the names.
@@ -169,7 +120,7 @@ fn row_ui(
         ui.visuals().strong_text_color().gamma_multiply(0.6),
     );
     input(ui, &response, view, label.id, &columns);
-    response.context_menu(|ui| menu_ui(ui, session, view, actions));
+    response.context_menu(|ui| range_menu_ui(ui, session, view, actions));
     if let Some(frame) = response
         .hover_pos()
         .filter(|at| cells.contains(*at))
@@ -298,16 +249,6 @@ fn input(ui: &Ui, response: &Response, view: &mut ViewState, label: LabelId, col
         && let Some(from) = view.range_from
     {
         view.range = Some((from.min(frame), from.max(frame)));
-    }
-}
-
-fn menu_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState, actions: &mut Vec<Action>) {
-    for (action, _) in BUTTONS {
-        let possible = is_possible(action, session, view);
-        if action_button(ui, &view.prefs.shortcuts, action, &action.text(), possible).clicked() {
-            actions.push(action);
-            ui.close();
-        }
     }
 }
 

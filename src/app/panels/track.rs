@@ -3,79 +3,105 @@ use ostra_session::JobTask;
 
 use super::jobs::{RunButton, progress_text, run_button_ui};
 use crate::menu::is_possible;
-use crate::tooltips::{action_button, field};
+use crate::tooltips::field;
 use crate::{Action, SessionView, ViewState};
 use ostra_frames::Frame;
 use ostra_masks::Direction;
 use ostra_project::{EngineName, MaskOrigin, TrackerId};
 use ostra_session::{EngineInfo, EngineKind};
 
-/// Draws the settings of tracking and its button.
-pub(crate) fn track_ui(
+/// Draws the button of tracking, its range, and the button that tracks a label again.
+pub(super) fn track_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &mut ViewState,
     actions: &mut Vec<Action>,
 ) {
-    egui::Grid::new("track").num_columns(2).spacing([8.0, 6.0]).show(ui, |ui| {
-        field(ui, "Tracker", "Propagates masks from keyframes to the other frames", |ui| {
-            engine_choice_ui(ui, "tracker", session.engines_of(EngineKind::Tracker), &mut view.track.tracker);
-        });
-        field(ui, "Direction", "Direction of propagation from a keyframe", |ui| direction_ui(ui, &mut view.track.direction));
-        let last = session.project.frames.len().saturating_sub(1);
-        field(ui, "From frame", "First frame to track", |ui| bound_ui(ui, &mut view.track.from, 0, last));
-        field(ui, "To frame", "Last frame to track (included)", |ui| bound_ui(ui, &mut view.track.to, last, last));
-        if view.track.tracker.has_image_size() {
-            let tip = "Shorter image side for the network; larger values keep thinner structures and take longer";
-            field(ui, "Network image size", tip, |ui| short_side_ui(ui, &mut view.track.short_side));
-        } else {
-            view.track.short_side = None;
-        }
-    });
-    constrain_ui(ui, session, view);
-    pause_ui(ui, &mut view.track.pause_below);
-    check_ui(ui, &mut view.prefs.flag_below);
     let keyframes = session
         .project
         .masks
         .values()
         .filter(|mask| mask.origin == MaskOrigin::Keyframe)
         .count();
-    ui.horizontal(|ui| {
-        let button = RunButton {
-            action: Action::Track,
-            task: &JobTask::Track,
-            is_enabled: keyframes > 0,
-        };
-        run_button_ui(ui, session, view, &button, actions);
-        if let Some(job) = session.running(&JobTask::Track) {
-            ui.weak(progress_text(job));
-            return;
-        }
-        let text = match keyframes {
-            0 => "Click an object first".into(),
-            1 => "1 keyframe".into(),
-            n => format!("{n} keyframes"),
-        };
-        ui.weak(text).on_hover_text(
-            "Keyframes are frames that you clicked, painted or confirmed; tracking does not overwrite them",
-        );
-    });
+    let button = RunButton {
+        action: Action::Track,
+        task: &JobTask::Track,
+        is_enabled: keyframes > 0,
+    };
+    run_button_ui(ui, session, view, &button, actions);
+    let text = match (session.running(&JobTask::Track), keyframes) {
+        (Some(job), _) => progress_text(job),
+        (None, 0) => "Click an object first".into(),
+        (None, 1) => "1 keyframe".into(),
+        (None, n) => format!("{n} keyframes"),
+    };
+    ui.weak(text).on_hover_text(
+        "Keyframes are frames that you clicked, painted or confirmed; tracking does not overwrite them",
+    );
+    egui::Grid::new("track")
+        .num_columns(2)
+        .spacing([8.0, 6.0])
+        .show(ui, |ui| {
+            field(
+                ui,
+                "Direction",
+                "Direction of propagation from a keyframe",
+                |ui| direction_ui(ui, &mut view.track.direction),
+            );
+            let last = session.project.frames.len().saturating_sub(1);
+            field(ui, "From frame", "First frame to track", |ui| {
+                bound_ui(ui, &mut view.track.from, 0, last)
+            });
+            field(ui, "To frame", "Last frame to track (included)", |ui| {
+                bound_ui(ui, &mut view.track.to, last, last)
+            });
+        });
     retrack_ui(ui, session, view, actions);
+}
+
+/// Draws the settings of tracking that few people need.
+pub(super) fn track_advanced_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
+    egui::Grid::new("track details").num_columns(2).spacing([8.0, 6.0]).show(ui, |ui| {
+        field(ui, "Tracker", "Propagates masks from keyframes to the other frames", |ui| {
+            engine_choice_ui(ui, "tracker", session.engines_of(EngineKind::Tracker), &mut view.track.tracker);
+        });
+        if view.track.tracker.has_image_size() {
+            let tip = "Shorter image side for the network; larger values keep thinner structures and take longer";
+            field(ui, "Network image size", tip, |ui| short_side_ui(ui, &mut view.track.short_side));
+        }
+    });
+    constrain_ui(ui, session, view);
+    pause_ui(ui, &mut view.track.pause_below);
+    check_ui(ui, &mut view.prefs.flag_below);
+    let tip = "Let re-tracked, interpolated and pasted labels overwrite other labels";
+    ui.checkbox(&mut view.track.replace, "Replace other labels")
+        .on_hover_text(tip);
+}
+
+/// Drops settings of tracking that the chosen tracker or the frames do not allow.
+pub(crate) fn keep_track_valid(session: &SessionView<'_>, view: &mut ViewState) {
+    if !view.track.tracker.has_image_size() {
+        view.track.short_side = None;
+    }
+    view.track.constrain &= hindrance(session, view).is_none();
+}
+
+/// Returns why masks cannot be checked by geometry.
+fn hindrance(session: &SessionView<'_>, view: &ViewState) -> Option<&'static str> {
+    if view.track.tracker == TrackerId::Geometry {
+        Some("The geometry tracker uses depth and cameras anyway")
+    } else if session.project.frames.iter().any(Frame::has_posed_depth) {
+        None
+    } else {
+        Some("Needs frames with depth and cameras: add them, or use Reconstruct first")
+    }
 }
 
 /// Draws the option to check masks by geometry.
 ///
 /// It is disabled for the geometry tracker and for projects without depth maps and cameras.
 fn constrain_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
-    let hindrance = if view.track.tracker == TrackerId::Geometry {
-        Some("The geometry tracker uses depth and cameras anyway")
-    } else if session.project.frames.iter().any(Frame::has_posed_depth) {
-        None
-    } else {
-        Some("Needs frames with depth and cameras: add them, or use Reconstruct first")
-    };
-    view.track.constrain &= hindrance.is_none();
+    let hindrance = hindrance(session, view);
     let tip = "Compare the masks with keyframes re-projected through depth and cameras: where they disagree, geometry wins, and \
                an object that was swapped, drifted or lost is tracked again from there";
     let checkbox = Checkbox::new(&mut view.track.constrain, "Check by geometry");
@@ -145,12 +171,18 @@ fn retrack_ui(
 ) {
     let action = Action::Retrack;
     let possible = session.running(&JobTask::Track).is_none() && is_possible(action, session, view);
-    if action_button(ui, &view.prefs.shortcuts, action, &action.text(), possible).clicked() {
+    let tip = view.prefs.shortcuts.tip(ui.ctx(), action);
+    let text = action.text();
+    let button = ui.add_enabled(possible, egui::Button::new(&text).wrap());
+    let reason =
+        "Correct a tracked frame first; its label is then tracked again up to the next keyframes";
+    if button
+        .on_hover_text(tip)
+        .on_disabled_hover_text(reason)
+        .clicked()
+    {
         actions.push(action);
     }
-    let tip = "Let re-tracked, interpolated and pasted labels overwrite other labels";
-    ui.checkbox(&mut view.track.replace, "Replace other labels")
-        .on_hover_text(tip);
 }
 
 fn direction_ui(ui: &mut Ui, direction: &mut Direction) {
@@ -199,7 +231,7 @@ fn short_side_ui(ui: &mut Ui, short_side: &mut Option<u32>) {
 }
 
 /// Draws the choice of the segmenter, with its installation state.
-pub(crate) fn segmenter_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
+pub(super) fn segmenter_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     egui::Grid::new("segmenter").num_columns(2).show(ui, |ui| {
         field(ui, "Segmenter", "Turns clicks and boxes into masks", |ui| {
             engine_choice_ui(
@@ -228,7 +260,7 @@ pub(super) fn engine_choice_ui<'a, I: EngineName>(
     };
     egui::ComboBox::from_id_salt(salt)
         .selected_text(text)
-        .width(150.0)
+        .width((ui.available_width() - 4.0).clamp(60.0, 150.0))
         .show_ui(ui, |ui| {
             for engine in engines {
                 let Some(id) = I::from_name(engine.name) else {

@@ -1,0 +1,195 @@
+//! The way from frames to measures: one step is open at a time.
+
+use egui::Ui;
+
+use super::conflicts::conflicts_ui;
+use super::fuse::{fuse_advanced_ui, fuse_ui, results_ui};
+use super::reconstruct::{reconstruct_advanced_ui, reconstruct_ui};
+use super::step_header::{StepHeader, title};
+use super::suggestions::{suggestions_ui, text_prompt_ui};
+use super::track::{segmenter_ui, track_advanced_ui, track_ui};
+use crate::action::Requests;
+use crate::menu::is_possible;
+use crate::tooltips::{action_button, grouped, primary_button, section_heading};
+use crate::{Action, SessionView, ViewState};
+use ostra_project::workflow::{Step, StepStatus, Workflow, WorkflowInput, workflow};
+use ostra_session::JobTask;
+
+fn workflow_of(session: &SessionView<'_>, view: &ViewState) -> Workflow {
+    let last = session.project.frames.len().saturating_sub(1);
+    let input = WorkflowInput {
+        has_cloud: session.cloud.is_some(),
+        range: view.track.from.unwrap_or(0)..=view.track.to.unwrap_or(last),
+    };
+    workflow(session.project, &input)
+}
+
+/// Returns whether a job of the step runs.
+fn is_running(session: &SessionView<'_>, step: Step) -> bool {
+    let tasks: &[JobTask] = match step {
+        Step::Label => &[JobTask::Suggest, JobTask::Propose, JobTask::FindByText],
+        Step::Track => &[JobTask::Track],
+        Step::Geometry => &[JobTask::Reconstruct],
+        Step::Cloud => &[JobTask::Fuse],
+        Step::Measure => &[],
+    };
+    tasks.iter().any(|task| session.running(task).is_some())
+}
+
+fn header<'a>(
+    session: &SessionView<'_>,
+    view: &ViewState,
+    (number, status): (usize, &'a StepStatus),
+) -> StepHeader<'a> {
+    StepHeader {
+        step: status.step,
+        number,
+        state: status.state,
+        is_running: is_running(session, status.step),
+        is_open: view.steps.open == Some(status.step),
+        text: &status.text,
+    }
+}
+
+/// Draws the steps; a click on a header opens or closes its step.
+pub(crate) fn steps_ui(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    requests: &mut Requests,
+) {
+    let flow = workflow_of(session, view);
+    view.steps.follow(flow.next);
+    for (number, status) in (1..).zip(&flow.steps) {
+        let header = header(session, view, (number, status));
+        let is_open = header.is_open;
+        if header.show(ui).clicked() {
+            view.steps.toggle(status.step);
+        }
+        if is_open {
+            egui::Frame::new()
+                .inner_margin(egui::Margin {
+                    left: 4,
+                    right: 4,
+                    top: 2,
+                    bottom: 8,
+                })
+                .show(ui, |ui| {
+                    ui.set_width(ui.available_width());
+                    step_ui(ui, session, view, requests, status.step);
+                });
+        }
+    }
+}
+
+/// Draws the icons of the steps in a narrow strip; a click expands the panel at the step.
+pub(crate) fn step_strip_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
+    let flow = workflow_of(session, view);
+    view.steps.follow(flow.next);
+    for (number, status) in (1..).zip(&flow.steps) {
+        let header = header(session, view, (number, status));
+        if header.show_small(ui).clicked() {
+            view.steps.open = None;
+            view.steps.toggle(status.step);
+            view.steps.is_expanded = true;
+        }
+    }
+}
+
+fn step_ui(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    requests: &mut Requests,
+    step: Step,
+) {
+    ui.add(egui::Label::new(egui::RichText::new(purpose(step)).weak()).wrap());
+    match step {
+        Step::Label => label_ui(ui, session, view, requests),
+        Step::Track => {
+            track_ui(ui, session, view, &mut requests.actions);
+            advanced(ui, step, |ui| track_advanced_ui(ui, session, view));
+        }
+        Step::Geometry => {
+            reconstruct_ui(ui, session, view, &mut requests.actions);
+            advanced(ui, step, |ui| {
+                reconstruct_advanced_ui(ui, session, view, &mut requests.actions);
+            });
+        }
+        Step::Cloud => {
+            fuse_ui(ui, session, view, &mut requests.actions);
+            if !session.conflicts.is_empty() {
+                section_heading(ui, "Conflicts");
+                conflicts_ui(ui, session, view, &mut requests.actions);
+            }
+            advanced(ui, step, |ui| fuse_advanced_ui(ui, view));
+        }
+        Step::Measure => measure_ui(ui, session, view, requests),
+    }
+}
+
+/// Returns the sentence that says what a step is for.
+fn purpose(step: Step) -> &'static str {
+    match step {
+        Step::Label => {
+            "Click on each object in one image; a right click takes away, a drag draws a box."
+        }
+        Step::Track => "Carry the masks from keyframes to the other frames, then check them.",
+        Step::Geometry => {
+            "Find out where each image was taken from and how far away everything is."
+        }
+        Step::Cloud => "Fuse all frames into one cloud; each point gets a label by a vote.",
+        Step::Measure => "Measure lengths, areas and volumes per label, and write files.",
+    }
+}
+
+/// Adds the settings that few people need, closed at first.
+fn advanced(ui: &mut Ui, step: Step, content: impl FnOnce(&mut Ui)) {
+    let header = egui::CollapsingHeader::new("Advanced").id_salt(("advanced", title(step)));
+    header.show_unindented(ui, content);
+}
+
+fn label_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState, requests: &mut Requests) {
+    let action = Action::AddLabel;
+    let tip = view.prefs.shortcuts.tip(ui.ctx(), action);
+    if primary_button(ui, "New label", &tip, is_possible(action, session, view)).clicked() {
+        requests.actions.push(action);
+    }
+    section_heading(ui, "Find by text");
+    text_prompt_ui(ui, session, view, &mut requests.commands);
+    section_heading(ui, "Suggestions");
+    suggestions_ui(ui, session, view, requests);
+    advanced(ui, Step::Label, |ui| segmenter_ui(ui, session, view));
+}
+
+fn measure_ui(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    requests: &mut Requests,
+) {
+    let action = Action::Export;
+    let tip = view.prefs.shortcuts.tip(ui.ctx(), action);
+    if primary_button(ui, "Export…", &tip, is_possible(action, session, view)).clicked() {
+        requests.actions.push(action);
+    }
+    ui.horizontal(|ui| {
+        let action = Action::ToggleMeasures;
+        let possible = is_possible(action, session, view);
+        let button = action_button(ui, &view.prefs.shortcuts, action, "Measures", possible);
+        if button.clicked() {
+            requests.actions.push(action);
+        }
+        let text = match session.cloud {
+            Some(cloud) => format!("{} points", grouped(cloud.len())),
+            None => "Fuse first".into(),
+        };
+        ui.weak(text);
+    });
+    if session.cloud.is_some() && !session.may_be_metric() {
+        let text = "Scale unknown: use the ruler of the 3-D view on a known length";
+        ui.colored_label(ui.visuals().warn_fg_color, text);
+    }
+    section_heading(ui, "Results");
+    results_ui(ui, session);
+}
