@@ -99,7 +99,7 @@ mod tests {
         let read: Arrangement = serde_json::from_str(&text).unwrap();
         assert_eq!(read, moved);
         assert_ne!(read, Arrangement::default());
-        let mut broken = Arrangement(Tree::empty(egui::Id::new("broken")));
+        let mut broken = Arrangement(Tree::empty(egui::Id::unique("broken")));
         broken.repair();
         assert!(broken.tile(Pane::Scene).is_some());
     }
