@@ -69,3 +69,16 @@ fn exit() -> ! {
     // `std::process::exit` would clean up loaded libraries while other threads still use them.
     signal_hook::low_level::exit(EXIT_CODE.into())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Interrupted;
+
+    #[test]
+    fn message_of_a_stopped_command_states_what_is_kept() {
+        assert_eq!(
+            Interrupted.to_string(),
+            "stopped; what was finished is kept"
+        );
+    }
+}

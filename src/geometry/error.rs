@@ -14,7 +14,9 @@ pub enum GeometryError {
         error: f64,
     },
     /// There are too few or degenerate correspondences for an alignment.
-    #[error("{count} points are too few (or in one line) for a {kind} alignment")]
+    #[error(
+        "{count} points are too few (or in one line) for a {kind} alignment; give at least 3 that are not in one line"
+    )]
     TooFewPoints {
         /// Number of points given.
         count: usize,
@@ -30,7 +32,7 @@ pub enum GeometryError {
         orientation: u8,
     },
     /// Two lists that belong together have different lengths.
-    #[error("there are {left} {what} on one side and {right} on the other")]
+    #[error("there are {left} {what} on one side and {right} on the other; give as many on both")]
     Unpaired {
         /// What is paired, e.g. `cameras`.
         what: &'static str,

@@ -35,6 +35,8 @@ mod crash;
 #[cfg(test)]
 mod downloads;
 #[cfg(test)]
+mod error_texts;
+#[cfg(test)]
 mod export_safety;
 #[cfg(test)]
 mod exports;

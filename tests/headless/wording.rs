@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Words, each with what is written instead.
-const WORDS: [(&str, &str); 14] = [
+pub(crate) const WORDS: [(&str, &str); 14] = [
     ("anew", "again"),
     ("amiss", "wrong"),
     ("beside", "next to, or besides"),
@@ -49,7 +49,7 @@ fn prose(line: &str, is_code: bool) -> String {
     text.split('`').step_by(2).collect::<Vec<_>>().join(" ")
 }
 
-fn words(text: &str) -> impl Iterator<Item = &str> {
+pub(crate) fn words(text: &str) -> impl Iterator<Item = &str> {
     text.split(|c: char| !(c.is_alphanumeric() || matches!(c, '_' | '\'' | '-' | '/' | '.')))
         .map(|word| word.trim_matches(|c| matches!(c, '\'' | '-' | '.' | '/')))
 }

@@ -108,7 +108,10 @@ pub enum NnError {
         found: String,
     },
     /// A network failed while running.
-    #[error("{}: failed while running ({what})", path.display())]
+    #[error(
+        "{}: failed while running ({what}); check it with `ostra models check`, or choose another engine",
+        path.display()
+    )]
     Run {
         /// The file.
         path: PathBuf,

@@ -13,7 +13,7 @@ pub enum JobError {
         what: String,
     },
     /// The job was removed from the queue before it began, or its result was taken already.
-    #[error("the work was dropped from the queue")]
+    #[error("the work was dropped from the queue; start it again")]
     Discarded,
     /// The system could not start another thread.
     #[error("no thread can be started ({what}); close other programs")]
