@@ -101,10 +101,12 @@ impl LabelTree {
                 id.0, child.name
             )));
         }
-        let label = self
-            .labels
-            .remove(&id)
-            .ok_or_else(|| MaskError::Label(format!("there is no label {}", id.0)))?;
+        let label = self.labels.remove(&id).ok_or_else(|| {
+            MaskError::Label(format!(
+                "there is no label {}; 'ostra info' lists the labels",
+                id.0
+            ))
+        })?;
         self.ids.remove(&label.name);
         Ok(label)
     }
@@ -245,8 +247,12 @@ impl LabelTree {
     }
 
     fn known(&self, id: LabelId) -> Result<&Label, MaskError> {
-        self.get(id)
-            .ok_or_else(|| MaskError::Label(format!("there is no label {}", id.0)))
+        self.get(id).ok_or_else(|| {
+            MaskError::Label(format!(
+                "there is no label {}; 'ostra info' lists the labels",
+                id.0
+            ))
+        })
     }
 
     fn check(&self, label: &Label) -> Result<(), MaskError> {

@@ -137,9 +137,12 @@ pub fn merge(project: &Project, label: LabelId, into: LabelId) -> Result<Vec<Edi
 /// If the other label is a descendant of the label, it takes the label's place in the tree.
 fn moved_children(project: &Project, label: LabelId, into: LabelId) -> Result<Vec<Edit>> {
     let tree = &project.labels;
-    let gone = tree
-        .get(label)
-        .with_context(|| format!("there is no label {}", label.0))?;
+    let gone = tree.get(label).with_context(|| {
+        format!(
+            "there is no label {}; 'ostra info' lists the labels",
+            label.0
+        )
+    })?;
     let under = |child: &Label, parent: Option<LabelId>| Edit::SetLabel {
         id: child.id,
         label: Some(Label {

@@ -129,7 +129,7 @@ impl PromptMeaning {
             };
             answer = Some(ready.segment(&request, progress)?);
         }
-        answer.context("the prompt is empty")
+        answer.context("the prompt is empty; add a click or a box")
     }
 
     /// Returns the frame's mask with an answer composed into it.

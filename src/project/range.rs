@@ -46,7 +46,10 @@ pub fn edits(
         RangeChange::Copy { frame } => copy(project, request, labels, frame)?,
         RangeChange::Interpolate => interpolate(project, request, labels, progress)?,
         RangeChange::Split { frame, at_px, into } => {
-            let label = labels.first().copied().context("no label was named")?;
+            let label = labels
+                .first()
+                .copied()
+                .context("no label was named; choose one")?;
             let cut = Cut {
                 label,
                 into,

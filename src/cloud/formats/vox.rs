@@ -184,7 +184,9 @@ impl Places {
     /// length.
     pub(super) fn of(voxels: &LabelledCloud, voxel: f64) -> Result<Self, SceneError> {
         if voxels.is_empty() {
-            return Err(SceneError::Request("there are no voxels to write".into()));
+            return Err(SceneError::Request(
+                "there are no voxels to write; fuse first".into(),
+            ));
         }
         let place = |at: &glam::Vec3| (at.as_dvec3() / voxel).floor().as_ivec3();
         let mut indices: Vec<IVec3> = voxels.positions.iter().map(place).collect();

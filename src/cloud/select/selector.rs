@@ -179,7 +179,7 @@ impl Selector {
                 let pieces = pieces(&self.cloud.positions, self.spacing, &indices(inside));
                 let piece = pieces.get(*rank).ok_or_else(|| {
                     SceneError::Request(format!(
-                        "there is no part {rank}: the chosen points are in {}",
+                        "there is no part {rank}: the chosen points are in {}; parts count from 0",
                         pieces.len()
                     ))
                 })?;

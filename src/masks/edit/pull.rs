@@ -203,8 +203,11 @@ pub fn pull(
     let BorderDrag { from_px, to_px } = drag;
     check_points(&[from_px, to_px])?;
     let pull = ElasticBorders::of(&mask.region(label)).pull(from_px, to_px);
-    let pull =
-        pull.ok_or_else(|| MaskError::Request("the label has no border to move there".into()))?;
+    let pull = pull.ok_or_else(|| {
+        MaskError::Request(
+            "the label has no border to move there; begin the drag on its border".into(),
+        )
+    })?;
     let empty = Region::empty(mask.width, mask.height);
     let (mut comes, mut goes) = (empty.clone(), empty);
     pull.spans(|pixels, inside| {

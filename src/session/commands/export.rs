@@ -285,7 +285,7 @@ fn load_cloud(sources: &Sources, progress: &Progress) -> Result<LabelledCloud> {
                 .context("the project's cloud is gone; fuse again")?
                 .cloud
         }
-        (None, None) => bail!("there is no cloud"),
+        (None, None) => bail!("there is no cloud; fuse first"),
     };
     if sources.cloud_file.is_some() {
         cloud.tree = sources.tree_of_today(&cloud.tree);

@@ -43,7 +43,7 @@ pub(super) fn write_mesh(
     let (file, _) = sources
         .surface
         .as_ref()
-        .context("the cloud has no surface")?;
+        .context("the cloud has no surface; fuse frames with depth to get one")?;
     let mut mesh = read_mesh(file, progress).context("the project's mesh is gone; fuse again")?;
     mesh.vertices.tree = sources.tree_of_today(&mesh.vertices.tree);
     if let Some(level) = request.level {
@@ -105,7 +105,7 @@ pub(super) fn write_voxels(
     let (mesh, voxel) = sources
         .surface
         .as_ref()
-        .context("the cloud has no surface")?;
+        .context("the cloud has no surface; fuse frames with depth to get one")?;
     progress.stage("write voxels")?;
     let mut voxels = voxelize(cloud, sources.votes(cloud.len())?.as_deref(), *voxel)?;
     if request.solid {

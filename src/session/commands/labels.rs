@@ -26,10 +26,12 @@ impl Session {
 
     pub(crate) fn edit_label(&mut self, label: &Label) -> Result<()> {
         let project = self.snapshot()?;
-        let before = project
-            .labels
-            .get(label.id)
-            .with_context(|| format!("there is no label {}", label.id.0))?;
+        let before = project.labels.get(label.id).with_context(|| {
+            format!(
+                "there is no label {}; 'ostra info' lists the labels",
+                label.id.0
+            )
+        })?;
         let title = format!("Change label {}", before.name);
         self.commit(
             &title,
@@ -45,7 +47,7 @@ impl Session {
         let name = &project
             .labels
             .get(id)
-            .with_context(|| format!("there is no label {}", id.0))?
+            .with_context(|| format!("there is no label {}; 'ostra info' lists the labels", id.0))?
             .name;
         self.commit(
             &format!("Remove label {name}"),

@@ -73,7 +73,7 @@ impl<'a> Run<'a> {
         left_out.extend(without);
         if targets.is_empty() {
             return Err(MaskError::Request(format!(
-                "no frame from {} to {} other than the keyframes has depth and a camera for re-projection",
+                "no frame from {} to {} other than the keyframes has depth and a camera for re-projection; add or reconstruct both first, or track with 'flow'",
                 request.from, request.to
             )));
         }

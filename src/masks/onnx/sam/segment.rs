@@ -155,7 +155,7 @@ impl SamFrame {
         {
             let at = click.at_px;
             return Err(MaskError::Request(format!(
-                "the click at {}, {} lies outside {shown}",
+                "the click at {}, {} lies outside {shown}; click on the image",
                 at.x, at.y
             )));
         }
