@@ -118,6 +118,10 @@ pub(super) enum Subcommand {
     /// Run the commands of a recipe.
     Run {
         /// Recipe saved by the window, or the recipe.jsonl of a project.
-        recipe: PathBuf,
+        #[arg(required_unless_present = "schema")]
+        recipe: Option<PathBuf>,
+        /// Print the JSON Schema of recipes.
+        #[arg(long, conflicts_with = "recipe")]
+        schema: bool,
     },
 }

@@ -11,7 +11,7 @@ use super::args::Cli;
 /// Lines around the generated part of a page.
 const MARK: &str = "<!-- generated: command line -->\n";
 
-fn root() -> PathBuf {
+pub(super) fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).to_path_buf()
 }
 
@@ -61,7 +61,7 @@ fn reference() -> String {
 }
 
 /// All Markdown files of the book, and the README.
-fn pages() -> Vec<PathBuf> {
+pub(super) fn pages() -> Vec<PathBuf> {
     let mut pages = vec![root().join("README.md")];
     let mut folders = vec![root().join("docs/book/src")];
     while let Some(folder) = folders.pop() {

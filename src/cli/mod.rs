@@ -18,6 +18,9 @@ mod models;
 mod print;
 mod project;
 mod range;
+mod recipe;
+#[cfg(test)]
+mod recipe_schema;
 mod run;
 mod shot;
 mod sources;

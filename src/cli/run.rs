@@ -3,17 +3,18 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use clap::{ArgMatches, CommandFactory, FromArgMatches};
 
 use super::args::{Cli, Subcommand};
 use super::drive::Driver;
 use super::print::{finish, one_line, print_text, print_to_stderr};
 use super::{
-    cloud, demo, eval, export, info, masks, memory, models, project, range, shot, sources, stop,
+    cloud, demo, eval, export, info, masks, memory, models, project, range, recipe, shot, sources,
+    stop,
 };
 use ostra_compute::nn::Provider;
-use ostra_session::{Command, Recipe};
+use ostra_session::Command;
 
 /// Runs the program and returns its exit code: 0 done, 1 failed, 2 wrong usage, 130 stopped.
 #[must_use]
@@ -88,7 +89,11 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
         Subcommand::Info(args) => info::info(&args),
         Subcommand::Eval(command) => eval::eval(command),
         Subcommand::Models(command) => models::models(&command),
-        Subcommand::Run { recipe } => run_recipe(&recipe),
+        Subcommand::Run {
+            recipe: Some(recipe),
+            ..
+        } => recipe::run(&recipe),
+        Subcommand::Run { recipe: None, .. } => recipe::print_schema(),
     }
 }
 
@@ -105,42 +110,6 @@ fn saves_nothing(command: &Subcommand) -> bool {
 
 fn subcommand_matches(matches: &ArgMatches) -> Result<&ArgMatches> {
     Ok(matches.subcommand().context("no command was given")?.1)
-}
-
-fn run_recipe(path: &Path) -> Result<()> {
-    let text = ostra_core::disk::read_text(path)
-        .with_context(|| format!("{}: cannot be read; check the path", path.display()))?;
-    let recipe = read_recipe(&text).with_context(|| {
-        format!(
-            "{}: is not a recipe; save one from the window",
-            path.display()
-        )
-    })?;
-    if recipe.format != 1 {
-        bail!(
-            "{}: the recipe has format {}, this version of OSTRA reads format 1; install a newer version",
-            path.display(),
-            recipe.format
-        );
-    }
-    Driver::new().act_and_save(recipe.commands)
-}
-
-/// Parses a saved recipe or the `recipe.jsonl` of a project, which holds one command per line.
-fn read_recipe(text: &str) -> serde_json::Result<Recipe> {
-    let saved = serde_json::from_str::<Recipe>(text);
-    if saved.is_ok() {
-        return saved;
-    }
-    let lines = text.lines().filter(|line| !line.trim().is_empty());
-    let commands: serde_json::Result<Vec<Command>> = lines.map(serde_json::from_str).collect();
-    match commands {
-        Ok(commands) if !commands.is_empty() => Ok(Recipe {
-            format: 1,
-            commands,
-        }),
-        _ => saved,
-    }
 }
 
 fn suggest(project: &Path, frame: Option<usize>) -> Result<()> {

@@ -1,4 +1,5 @@
 use glam::{DMat2, DVec2, DVec3, Vec2};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Distortion;
@@ -6,16 +7,19 @@ use super::Distortion;
 /// A camera's intrinsics.
 ///
 /// Pixel space: the centre of the top-left pixel is at (0.5, 0.5). Camera space: OpenCV axes.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "StoredCamera")]
+#[schemars(!try_from)]
 pub struct Camera {
     /// Image width in pixels.
     pub width: u32,
     /// Image height in pixels.
     pub height: u32,
     /// Focal lengths in pixels.
+    #[schemars(with = "[f64; 2]")]
     pub focal_px: DVec2,
     /// Principal point in pixels.
+    #[schemars(with = "[f64; 2]")]
     pub principal_px: DVec2,
     /// Lens distortion.
     #[serde(default)]

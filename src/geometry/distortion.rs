@@ -1,8 +1,9 @@
 use glam::{DMat2, DVec2};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Lens distortion, with the parameters and formulas of the COLMAP camera model of the same name.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Distortion {
     /// `PINHOLE`, `SIMPLE_PINHOLE`.

@@ -1,14 +1,17 @@
 use glam::{DMat3, DMat4, DQuat, DVec3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::GeometryError;
 
 /// A rigid transform `target_from_source`: `x_in_target = rotation · x_in_source + translation`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Pose {
     /// Rotation, a unit quaternion.
+    #[schemars(with = "[f64; 4]")]
     pub rotation: DQuat,
     /// Translation, in units of the target space.
+    #[schemars(with = "[f64; 3]")]
     pub translation: DVec3,
 }
 

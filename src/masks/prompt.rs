@@ -1,10 +1,12 @@
 use glam::DVec2;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A click: its pixel belongs to the object, or does not.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Click {
     /// Position in pixels of the image as shown (centre of the top-left pixel at 0.5, 0.5).
+    #[schemars(with = "[f64; 2]")]
     pub at_px: DVec2,
     /// `true` = include, `false` = exclude.
     pub include: bool,
@@ -21,11 +23,13 @@ impl Click {
 }
 
 /// An axis-aligned box around an object, in pixels of the image as shown.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PxBox {
     /// Top-left corner.
+    #[schemars(with = "[f64; 2]")]
     pub min_px: DVec2,
     /// Bottom-right corner.
+    #[schemars(with = "[f64; 2]")]
     pub max_px: DVec2,
 }
 
@@ -41,7 +45,7 @@ impl PxBox {
 }
 
 /// Clicks and boxes that the user gave for one label on one frame.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Prompt {
     /// Clicks, in the order they were given.
     #[serde(default)]

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// An engine that requests, recipes and the command line select by name.
@@ -49,13 +50,15 @@ impl UnknownEngine {
 macro_rules! engine_ids {
     ($(#[$doc:meta])* $id:ident, $noun:literal, { $($(#[$variant_doc:meta])* $variant:ident = $name:literal,)+ }) => {
         $(#[$doc])*
-        #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
         #[serde(into = "&str", try_from = "String")]
+        #[schemars(!into, !try_from)]
         pub enum $id {
             /// The best engine that is installed and suits the frames.
             #[default]
+            #[schemars(rename = "auto")]
             Auto,
-            $($(#[$variant_doc])* $variant,)+
+            $($(#[$variant_doc])* #[schemars(rename = $name)] $variant,)+
         }
 
         impl EngineName for $id {

@@ -1,6 +1,7 @@
 use std::path::PathBuf;
 
 use glam::{DVec2, DVec3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{DeviceId, FeatureId, MatcherId, RegistrationId, SegmenterId};
@@ -9,7 +10,7 @@ use ostra_frames::cameras::ModelEncoding;
 use ostra_masks::{LabelId, Prompt};
 
 /// How cameras and depths are made.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ReconstructMethod {
     /// Automatic choice from what the frames provide; given poses and depths are kept.
@@ -24,7 +25,7 @@ pub enum ReconstructMethod {
 }
 
 /// Settings of a reconstruction of cameras and depths.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ReconstructRequest {
     /// Method.
     pub method: ReconstructMethod,
@@ -71,7 +72,7 @@ impl Default for ReconstructRequest {
 }
 
 /// A known length in the scene: a ruler, a marker, or the distance of two points.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ScaleRequest {
     /// Ends of the length.
     pub ends: [ScaleEnd; 2],
@@ -80,17 +81,17 @@ pub struct ScaleRequest {
 }
 
 /// One end of a known length.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ScaleEnd {
     /// A point, in the current world units.
-    World(DVec3),
+    World(#[schemars(with = "[f64; 3]")] DVec3),
     /// Observations of the point in two or more frames: frame number and pixel.
-    Seen(Vec<(usize, DVec2)>),
+    Seen(#[schemars(with = "Vec<(usize, [f64; 2])>")] Vec<(usize, DVec2)>),
 }
 
 /// Settings of the labelled cloud.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct FuseRequest {
     /// Edge length of the voxels in world units; chosen from the data if absent.
     #[serde(default)]
@@ -107,7 +108,7 @@ pub struct FuseRequest {
 }
 
 /// Files to export.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct ExportRequest {
     /// Labelled cloud: `.ply`, `.las`, `.laz` or `.pcd`.
     #[serde(default)]
@@ -175,7 +176,7 @@ pub struct ExportRequest {
 }
 
 /// A prompt for one label on one frame.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PromptRequest {
     /// Frame number.
     pub frame: usize,
@@ -188,7 +189,7 @@ pub struct PromptRequest {
 }
 
 /// A change of labels over a range of frames.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RangeRequest {
     /// Labels to change; empty means all.
     pub labels: Vec<LabelId>,
@@ -204,7 +205,7 @@ pub struct RangeRequest {
 }
 
 /// A change of labels over a range of frames.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RangeChange {
     /// Removes pixels and prompts, and marks the labels as absent for trackers.
@@ -232,6 +233,7 @@ pub enum RangeChange {
         /// Frame on which the piece is selected.
         frame: usize,
         /// A pixel of the piece.
+        #[schemars(with = "[f64; 2]")]
         at_px: DVec2,
         /// Label that receives the piece.
         into: LabelId,

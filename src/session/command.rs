@@ -1,6 +1,7 @@
 use ostra_project::SegmenterId;
 use std::path::PathBuf;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::requests::{
@@ -14,8 +15,11 @@ use ostra_project::{
 };
 
 /// A request to a [`Session`](crate::Session) from the window, command line or a recipe.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[schemars(
+    description = "One step of a recipe: the name of a command, with its values if it has any."
+)]
 pub enum Command {
     /// Creates a project folder from sources and opens it.
     New(NewProject),
@@ -181,9 +185,9 @@ impl Command {
 }
 
 /// The frames to open, as for `ostra new` and `ostra add`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct NewProject {
-    /// Folder of the project (ignored by `AddFrames`).
+    /// Folder of the project (not used by `add_frames`).
     pub root: PathBuf,
     /// Sources of frames with their depth folders, `every`, `from`, `to` and depth unit.
     pub open: ostra_frames::OpenRequest,
@@ -198,9 +202,11 @@ pub struct NewProject {
 /// A list of commands that makes a project.
 ///
 /// `ostra run` executes it, and the window can save it.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[schemars(title = "OSTRA recipe")]
 pub struct Recipe {
     /// Format of the file: 1.
+    #[schemars(extend("const" = 1))]
     pub format: u32,
     /// Commands in order; each finishes before the next begins.
     pub commands: Vec<Command>,

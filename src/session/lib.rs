@@ -60,6 +60,7 @@ mod queries;
 mod query;
 mod recent;
 mod recipe;
+mod recipe_schema;
 mod requests;
 mod session;
 #[cfg(test)]
@@ -81,6 +82,7 @@ pub use ostra_project::{PromptRequest, RangeChange, RangeRequest};
 pub use prepared::PreparedFrames;
 pub use queries::{Angles, MeasureSettings, ProposedInstances, SparseModel, Surface};
 pub use recent::Recent;
+pub use recipe_schema::recipe_schema;
 pub use requests::{
     AttachRequest, CleanRequest, CloudChange, CloudCorrection, GroundRequest, InstancesRequest,
     ModelRequest, ModelTask, MoveBorderRequest, PaintRequest, TakeRequest, TraceRequest,

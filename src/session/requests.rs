@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
 use glam::DVec2;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use ostra_cloud::instances::InstanceOptions;
@@ -12,7 +13,7 @@ use ostra_masks::{Direction, LabelId, PxBox};
 use ostra_project::{GrounderId, MaskOrigin, Project, SegmenterId, TrackerId};
 
 /// A search for objects by text.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct GroundRequest {
     /// Frame number.
     pub frame: usize,
@@ -27,7 +28,7 @@ pub struct GroundRequest {
 }
 
 /// Objects that become labels, each an instance of the label of its phrase.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TakeRequest {
     /// Frame number.
     pub frame: usize,
@@ -39,13 +40,14 @@ pub struct TakeRequest {
 }
 
 /// A stroke on a frame's mask.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PaintRequest {
     /// Frame number.
     pub frame: usize,
     /// Label to paint or to erase.
     pub label: LabelId,
     /// Points of the stroke or corners of the polygon, in pixels.
+    #[schemars(with = "Vec<[f64; 2]>")]
     pub points_px: Vec<DVec2>,
     /// Brush radius in pixels; 0 means that the points are a polygon to fill.
     pub radius_px: f64,
@@ -61,28 +63,31 @@ pub struct PaintRequest {
 }
 
 /// A drag of a label's border on a frame.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct MoveBorderRequest {
     /// Frame number.
     pub frame: usize,
     /// Label whose border is dragged.
     pub label: LabelId,
     /// Start of the drag in pixels; it grabs the nearest point of the label's border.
+    #[schemars(with = "[f64; 2]")]
     pub from_px: DVec2,
     /// End of the drag in pixels.
+    #[schemars(with = "[f64; 2]")]
     pub to_px: DVec2,
     /// Whether pixels of other labels are overwritten.
     pub replace: bool,
 }
 
 /// A thin structure (stem, wire) on a frame.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TraceRequest {
     /// Frame number.
     pub frame: usize,
     /// Label that receives its pixels.
     pub label: LabelId,
     /// Two or more points along the structure, in pixels; it ends at the first and the last.
+    #[schemars(with = "Vec<[f64; 2]>")]
     pub points_px: Vec<DVec2>,
     /// Whether pixels of other labels are overwritten.
     #[serde(default)]
@@ -90,7 +95,7 @@ pub struct TraceRequest {
 }
 
 /// Holes to fill and islands to remove in a label on a frame.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct CleanRequest {
     /// Frame number.
     pub frame: usize,
@@ -105,7 +110,7 @@ pub struct CleanRequest {
 }
 
 /// Settings of a tracking run.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TrackSettings {
     /// Tracker.
     pub tracker: TrackerId,
@@ -193,7 +198,7 @@ impl TrackSettings {
 }
 
 /// A label that is divided into instances.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct InstancesRequest {
     /// Label of the class; the instances become labels below it.
     pub label: LabelId,
@@ -203,7 +208,7 @@ pub struct InstancesRequest {
 }
 
 /// Settings for assigning unlabelled pieces to the labelled object they are attached to.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct AttachRequest {
     /// Maximum distance of connected points as a multiple of the spacing, 1.5–20.
@@ -219,7 +224,7 @@ impl Default for AttachRequest {
 }
 
 /// A correction in 3-D: every mask that sees the selected points of the cloud is changed.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CloudCorrection {
     /// Steps that select the points.
     pub select: Vec<SelectStep>,
@@ -234,7 +239,7 @@ pub struct CloudCorrection {
 }
 
 /// A change of the pixels that see the selected points.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum CloudChange {
     /// They get this label.
@@ -255,7 +260,7 @@ impl CloudChange {
 }
 
 /// A task for a network of the catalogue (or for ONNX Runtime).
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ModelRequest {
     /// Name in the catalogue.
     pub name: String,
@@ -264,7 +269,7 @@ pub struct ModelRequest {
 }
 
 /// A task for a network of the catalogue.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ModelTask {
     /// Downloads it.

@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, VecDeque};
 use glam::{DVec3, IVec3, Vec3};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::SceneError;
@@ -16,7 +17,7 @@ use ostra_core::union_find::DisjointSets;
 use ostra_masks::{LabelId, LabelMask, Region};
 
 /// Options of instance segmentation.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct InstanceOptions {
     /// Maximum distance between neighbours, in point spacings, 1.5–20.

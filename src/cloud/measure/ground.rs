@@ -2,6 +2,7 @@ use glam::DVec3;
 use nalgebra::{Matrix3, SymmetricEigen};
 use rand::RngExt;
 use rand_pcg::Pcg32;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::point_sets::core_extent;
@@ -13,7 +14,7 @@ use ostra_core::statistics::quantile;
 use ostra_masks::LabelId;
 
 /// The plane above which heights are measured.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum GroundChoice {
     /// The largest plane among the unlabelled points that supports the labelled ones.

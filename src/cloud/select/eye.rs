@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::SceneError;
@@ -10,7 +11,7 @@ use ostra_geometry::{Camera, Pose, PosedCamera, Projection};
 use ostra_masks::Region;
 
 /// A viewpoint from which a cloud is seen.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Eye {
     /// The camera of the frame with this number.

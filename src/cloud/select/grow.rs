@@ -3,6 +3,7 @@
 use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::points::Neighbours;
@@ -16,7 +17,7 @@ const REACH: f32 = 2.5;
 const NEIGHBOURS: usize = 12;
 
 /// Similarity that points need to be added to a selection.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Likeness {
     /// Maximum angle between the normals of neighbours, in degrees, 0–180.

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::{DVec2, Mat4, Vec3};
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::eye::{Eye, seen_in};
@@ -22,7 +23,7 @@ use ostra_masks::{LabelId, LabelTree, fill_polygons, stroke};
     clippy::large_enum_variant,
     reason = "a selection holds a handful of steps"
 )]
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SelectStep {
     /// Adds the points visible in a region of the view, or removes them.
@@ -38,11 +39,12 @@ pub enum SelectStep {
 }
 
 /// A lasso, box or brush stroke over the view from a viewpoint.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SeenRegion {
     /// The viewpoint.
     pub eye: Eye,
     /// Corners of the lasso or points of the stroke, in pixels of the view.
+    #[schemars(with = "Vec<[f64; 2]>")]
     pub points_px: Vec<DVec2>,
     /// Radius of the brush in pixels; 0 means that the points are the corners of a lasso.
     #[serde(default)]
@@ -64,6 +66,7 @@ pub struct SeenRegion {
     ///
     /// With `None`, all of world space is visible.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<[f32; 16]>")]
     pub cube_from_world: Option<Mat4>,
 }
 

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::colmap_model::{model_and_parameters, model_number};
@@ -14,7 +15,7 @@ use ostra_core::disk;
 use ostra_geometry::{Camera, GeometryError, Pose, QuarterRotation};
 
 /// Encoding of a written COLMAP model.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ModelEncoding {
     /// `cameras.txt`, `images.txt`, `points3D.txt`; reading the numbers gives the same bits.

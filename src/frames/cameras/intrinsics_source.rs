@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use glam::DVec2;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::lines::{TextFile, invalid};
@@ -12,7 +13,7 @@ use crate::{DepthCamera, FrameError};
 use ostra_geometry::{Pose, QuarterRotation};
 
 /// Intrinsics for all frames of a recording: numbers, or a file written by a recorder.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum IntrinsicsSource {
     /// Focal lengths `fx`, `fy`, principal point `cx`, `cy` in pixels of the stored image.
@@ -137,7 +138,7 @@ fn from_matrix(
 }
 
 /// The camera that measured the depth of a recording, if it is known and not that of the images.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DepthCameraSource {
     /// Intrinsics for depth as stored; focal lengths and principal point in its pixels.
     pub intrinsics: IntrinsicsSource,

@@ -1,12 +1,13 @@
 use std::path::PathBuf;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::Frame;
 use crate::cameras::DepthCameraSource;
 
 /// Sources to open, in order, and the selection of their frames.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct OpenRequest {
     /// Folders, single images and videos, in order.
@@ -42,7 +43,7 @@ impl Default for OpenRequest {
 }
 
 /// One source of frames, with its optional depth images.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct FrameFolder {
     /// A folder (read with its subfolders), a single image, or a video.
     pub frames: PathBuf,
