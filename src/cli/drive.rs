@@ -284,3 +284,43 @@ pub(super) fn label_id(project: &Project, name: &str) -> Result<LabelId> {
     })?;
     Ok(label.id)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ostra_core::job::{JobId, Overview, ProgressReport};
+
+    #[test]
+    fn text_names_the_step_what_is_done_and_the_time_left() {
+        let step = |title: &str, state| Step {
+            title: title.into(),
+            state,
+        };
+        let mut job = JobView {
+            id: JobId(1),
+            title: "Reconstruct".into(),
+            task: None,
+            report: ProgressReport {
+                stage: "match".into(),
+                done: 3,
+                total: 10,
+            },
+            overview: Overview {
+                fraction: Some(0.4),
+                left: Some(Duration::from_secs(130)),
+                steps: vec![
+                    step("Find features", StepState::Done),
+                    step("Match images", StepState::Running),
+                ],
+            },
+            elapsed: Duration::from_secs(60),
+        };
+        assert_eq!(
+            progress_text(&job),
+            "2 of 2: Match images 3/10, about 2 min left"
+        );
+        job.report.total = 0;
+        job.overview = Overview::default();
+        assert_eq!(progress_text(&job), "match …");
+    }
+}

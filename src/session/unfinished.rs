@@ -40,12 +40,11 @@ impl Unfinished {
         let mut lines = text.lines();
         let command = serde_json::from_str(lines.next()?).ok()?;
         let shares = lines.filter_map(|line| serde_json::from_str::<f64>(line).ok());
-        let fraction = shares.filter(|share| (0.0..=1.0).contains(share)).last();
+        let fraction = shares
+            .filter(|share| (0.0..=1.0).contains(share))
+            .fold(0.0, f64::max);
         // A project may come from a stranger: nothing but this command is ever offered.
-        matches!(command, Command::Reconstruct(_)).then_some(Self {
-            command,
-            fraction: fraction.unwrap_or(0.0),
-        })
+        matches!(command, Command::Reconstruct(_)).then_some(Self { command, fraction })
     }
 }
 
