@@ -174,19 +174,44 @@ fn steps_ui(ui: &mut Ui, job: &JobView) {
         return;
     }
     for step in steps {
-        let (mark, state) = match step.state {
-            StepState::Done => ("✔", "done"),
-            StepState::Running => ("▶", "running"),
-            StepState::ToCome => ("·", "to come"),
+        let state = match step.state {
+            StepState::Done => "done",
+            StepState::Running => "running",
+            StepState::ToCome => "to come",
         };
-        let text = RichText::new(format!("{mark} {}", step.title));
+        let text = RichText::new(&step.title);
         let text = match step.state {
             StepState::Running => text.strong(),
             StepState::Done | StepState::ToCome => text.weak(),
         };
-        ui.label(text)
-            .accessible_name(format!("{}: {state}", step.title));
+        ui.horizontal(|ui| {
+            step_mark(ui, step.state);
+            ui.label(text)
+                .accessible_name(format!("{}: {state}", step.title));
+        });
     }
+}
+
+/// Paints a tick for a step that is done, an arrow for the running one and a dot for later ones.
+fn step_mark(ui: &mut Ui, state: StepState) {
+    let (rect, _) = ui.allocate_exact_size(egui::Vec2::splat(12.0), egui::Sense::hover());
+    let at = |x: f32, y: f32| rect.center() + egui::Vec2::new(x, y);
+    let color = match state {
+        StepState::Running => ui.visuals().strong_text_color(),
+        StepState::Done | StepState::ToCome => ui.visuals().weak_text_color(),
+    };
+    let shape = match state {
+        StepState::Done => {
+            let tick = vec![at(-3.5, 0.2), at(-1.0, 3.0), at(3.8, -2.8)];
+            egui::Shape::line(tick, egui::Stroke::new(1.6, color))
+        }
+        StepState::Running => {
+            let arrow = vec![at(-3.0, -4.0), at(4.0, 0.0), at(-3.0, 4.0)];
+            egui::Shape::convex_polygon(arrow, color, egui::Stroke::NONE)
+        }
+        StepState::ToCome => egui::Shape::circle_filled(at(0.0, 0.0), 1.5, color),
+    };
+    ui.painter().add(shape);
 }
 
 /// Returns the running step of a job, its number and the time left.

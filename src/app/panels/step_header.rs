@@ -43,7 +43,7 @@ impl StepHeader<'_> {
     pub(super) fn show(&self, ui: &mut Ui) -> Response {
         let size = Vec2::new(ui.available_width(), 30.0);
         let (rect, response) = ui.allocate_exact_size(size, Sense::click());
-        self.tell(&response);
+        self.describe(&response);
         let visuals = ui.visuals();
         let fill = match (self.is_open, response.hovered()) {
             (true, _) => visuals.widgets.inactive.weak_bg_fill,
@@ -75,7 +75,7 @@ impl StepHeader<'_> {
     /// Draws only the icon, for the narrow strip.
     pub(super) fn show_small(&self, ui: &mut Ui) -> Response {
         let (rect, response) = ui.allocate_exact_size(Vec2::splat(30.0), Sense::click());
-        self.tell(&response);
+        self.describe(&response);
         if response.hovered() || response.has_focus() {
             let fill = ui.visuals().widgets.hovered.weak_bg_fill;
             ui.painter().rect_filled(rect, 4.0, fill);
@@ -84,7 +84,7 @@ impl StepHeader<'_> {
         response.on_hover_text(self.spoken())
     }
 
-    fn tell(&self, response: &Response) {
+    fn describe(&self, response: &Response) {
         let name = self.spoken();
         response
             .widget_info(|| egui::WidgetInfo::selected(Role::Button, true, self.is_open, &name));
