@@ -12,6 +12,8 @@
     reason = "tests may panic, and print the figures that they measure"
 )]
 
+#[path = "../support/book_pages.rs"]
+mod book_pages;
 #[path = "../support/crash_child.rs"]
 #[cfg_attr(unix, expect(dead_code, reason = "the quick tests fill the disk"))]
 mod crash_child;
