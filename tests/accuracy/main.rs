@@ -34,6 +34,7 @@ mod video;
 
 mod attach;
 mod bedroom;
+mod book_commands;
 mod book_images;
 mod bricks;
 mod cameras;
@@ -74,6 +75,7 @@ fn main() -> std::process::ExitCode {
     let modules = [
         attach::tests(),
         bedroom::tests(),
+        book_commands::tests(),
         book_images::tests(),
         bricks::tests(),
         cameras::tests(),
