@@ -2,18 +2,17 @@
 
 use std::fmt::Write as _;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use clap::{Command, CommandFactory as _, Parser as _};
 
 use super::args::Cli;
+use book_pages::{commands, pages, words};
 
-/// Lines around the generated part of a page.
-const MARK: &str = "<!-- generated: command line -->\n";
-
-pub(super) fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).to_path_buf()
-}
+#[path = "../../tests/support/book_pages.rs"]
+pub(super) mod book_pages;
+#[path = "../../tests/support/generated_page.rs"]
+mod generated_page;
 
 /// Appends a section for `command` and one for each of its subcommands.
 fn section(page: &mut String, command: &mut Command, path: &str, level: usize) {
@@ -60,85 +59,17 @@ fn reference() -> String {
     page
 }
 
-/// All Markdown files of the book, and the README.
-pub(super) fn pages() -> Vec<PathBuf> {
-    let mut pages = vec![root().join("README.md")];
-    let mut folders = vec![root().join("docs/book/src")];
-    while let Some(folder) = folders.pop() {
-        for entry in fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
-            match path.extension() {
-                None if path.is_dir() => folders.push(path),
-                Some(ending) if ending == "md" => pages.push(path),
-                _ => {}
-            }
-        }
-    }
-    pages.sort();
-    pages
-}
-
-/// Returns the `ostra` commands in the `sh` blocks of a page.
-fn commands(page: &str) -> Vec<String> {
-    let mut found = Vec::new();
-    let mut lines = page.lines();
-    while lines.by_ref().any(|line| line.trim_start() == "```sh") {
-        let block = lines
-            .by_ref()
-            .take_while(|line| line.trim_start() != "```")
-            .collect::<Vec<_>>()
-            .join("\n")
-            .replace("\\\n", " ");
-        let is_ours = |line: &&str| line.starts_with("ostra ");
-        found.extend(
-            block
-                .lines()
-                .map(str::trim)
-                .filter(is_ours)
-                .map(String::from),
-        );
-    }
-    found
-}
-
-/// Splits a command line at spaces outside of single quotes.
-fn words(line: &str) -> Vec<String> {
-    let mut words = vec![String::new()];
-    let mut is_quoted = false;
-    for c in line.chars() {
-        match c {
-            '\'' => is_quoted = !is_quoted,
-            ' ' if !is_quoted => words.push(String::new()),
-            _ => words.last_mut().unwrap().push(c),
-        }
-    }
-    words.retain(|word| !word.is_empty());
-    words
-}
-
 #[test]
 fn command_reference_is_up_to_date() {
-    let path = root().join("docs/book/src/reference/command-line.md");
-    let page = fs::read_to_string(&path).unwrap();
-    let mut parts = page.split(MARK);
-    let (before, now) = (parts.next().unwrap(), parts.next().unwrap());
-    let after = parts.next().expect("the page has a mark at both ends");
-    let generated = reference();
-    if std::env::var_os("OSTRA_UPDATE_BOOK").is_some() {
-        fs::write(&path, [before, &generated, after].join(MARK)).unwrap();
-    } else {
-        assert!(
-            now == generated,
-            "run `OSTRA_UPDATE_BOOK=1 cargo test book` to write the page again"
-        );
-    }
+    generated_page::check("reference/command-line.md", "command line", &reference());
 }
 
 #[test]
 fn every_command_of_the_book_is_accepted() {
     let mut checked = 0;
     let mut refused = Vec::new();
-    for path in pages() {
+    let readme = Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md");
+    for path in pages().into_iter().chain([readme]) {
         for line in commands(&fs::read_to_string(&path).unwrap()) {
             checked += 1;
             if let Err(error) = Cli::try_parse_from(words(&line)) {

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::book::{pages, root};
+use super::book::book_pages::pages;
 use super::recipe::{read, schema_text};
 use ostra_session::recipe_schema;
 
@@ -338,7 +338,8 @@ fn recipes_of_the_book_are_allowed() {
 
 #[test]
 fn schema_of_the_book_is_up_to_date() {
-    let path: &Path = &root().join("docs/book/src/reference/recipe.schema.json");
+    let path: &Path =
+        &Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/book/src/reference/recipe.schema.json");
     let text = schema_text().unwrap();
     if std::env::var_os("OSTRA_UPDATE_BOOK").is_some() {
         fs::write(path, text).unwrap();

@@ -3,6 +3,7 @@
 //! With `OSTRA_UPDATE_BOOK` set they are written to `docs/book/src/images`; otherwise each of them
 //! is only drawn.
 
+use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -12,13 +13,17 @@ use egui::{Key, Modifiers, PointerButton, Pos2, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 use egui_kittest::wgpu::{WgpuTestRenderer, create_render_state, default_wgpu_setup};
+use glam::{DVec2, Vec3};
 use image::codecs::jpeg::JpegEncoder;
 use image::{DynamicImage, RgbImage};
 use ostra_app::{Dialog, Panes, Prefs, Shell, Shown, ViewState, Window};
+use ostra_cloud::measure::LengthUnit;
 use ostra_masks::LabelId;
 use ostra_session::{Command, Recent};
 use ostra_view::Coloring;
 
+use crate::book_pages::commands;
+use crate::networks::{self, Needs};
 use crate::tutorials;
 
 const SIZE: Vec2 = Vec2::new(1280.0, 800.0);
@@ -146,12 +151,17 @@ impl Stage {
     fn save(&mut self, name: &str) {
         self.harness.run_steps(4);
         let drawn = DynamicImage::from(self.harness.render().unwrap()).to_rgb8();
-        let first = drawn.get_pixel(0, 0);
-        let others = drawn.pixels().filter(|pixel| *pixel != first).count();
-        assert!(others * 10 > drawn.pixels().len(), "{name} is blank");
-        if std::env::var_os("OSTRA_UPDATE_BOOK").is_some() {
-            write(&drawn, name);
-        }
+        check_and_write(&drawn, name);
+    }
+}
+
+/// Checks that an image is not blank, and writes it into the book if asked.
+fn check_and_write(drawn: &RgbImage, name: &str) {
+    let first = drawn.get_pixel(0, 0);
+    let others = drawn.pixels().filter(|pixel| *pixel != first).count();
+    assert!(others * 10 > drawn.pixels().len(), "{name} is blank");
+    if std::env::var_os("OSTRA_UPDATE_BOOK").is_some() {
+        write(drawn, name);
     }
 }
 
@@ -167,11 +177,7 @@ fn write(drawn: &RgbImage, name: &str) {
 fn copy(project: &Path) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let target = folder.path().join("plant");
-    for (path, bytes) in crate::program::contents(project) {
-        let path = target.join(path.strip_prefix(project).unwrap());
-        fs::create_dir_all(path.parent().unwrap()).unwrap();
-        fs::write(path, bytes).unwrap();
-    }
+    tutorials::copy(project, &target);
     (folder, target)
 }
 
@@ -289,6 +295,49 @@ fn pages_on_photos() {
     stage.settle();
     stage.type_into("Frames folder or video", "/photos/rice");
     stage.save("new-project");
+    drop(stage);
+    for line in [
+        "ostra reconstruct plant --method mvs --max-side 320",
+        "ostra fuse plant",
+    ] {
+        tutorials::run(line, folder.path());
+    }
+    page_on_scale(&folder.path().join("plant"));
+}
+
+/// Measures the upper edge of a poster, whose ends the tutorial on photos gives as pixels.
+fn page_on_scale(project: &Path) {
+    const FRAME: usize = 6;
+    const ENDS_PX: [(f64, f64); 2] = [(34.0, 352.0), (148.0, 348.0)];
+    let mut stage = Stage::open(Some(project));
+    stage.show(Panes::Scene, FRAME);
+    stage.view().coloring = Coloring::Rgb;
+    stage.press(Modifiers::NONE, Key::L);
+    stage.harness.get_by_label("Ruler").click();
+    stage.harness.run_steps(2);
+    let session = stage.window().session();
+    let (camera, pose) = session.project().unwrap().frames[FRAME]
+        .posed_camera()
+        .unwrap();
+    let positions = &session.cloud().unwrap().positions;
+    let ends = ENDS_PX.map(|(x, y)| {
+        let off_px = |point: Vec3| {
+            let at_px = camera.project(pose.transform(point.as_dvec3()));
+            at_px.map_or(f64::INFINITY, |at_px| at_px.distance(DVec2::new(x, y)))
+        };
+        let nearest = positions
+            .iter()
+            .min_by(|a, b| off_px(**a).total_cmp(&off_px(**b)));
+        *nearest.unwrap()
+    });
+    let ruler = &mut stage.view().ruler;
+    for end in ends {
+        ruler.click(end);
+    }
+    (ruler.length, ruler.length_unit) = (234.0, LengthUnit::Millimetre);
+    stage.settle();
+    stage.harness.get_by_label("Set scale");
+    stage.save("scale");
 }
 
 fn pages_on_the_demo() {
@@ -299,12 +348,75 @@ fn pages_on_the_demo() {
     stage.view().shown = Shown::Voxels;
     stage.settle();
     stage.save("voxels");
+    let file = stage.harness.get_by_label("File");
+    file.click();
+    stage.harness.run_steps(3);
+    stage
+        .harness
+        .get_by_label_contains("Save history as recipe…")
+        .click();
+    stage.harness.run_steps(3);
+    stage.type_into("Recipe file", "/recipes/rice.json");
+    stage.save("recipes");
     let mut empty = Stage::open(None);
     empty.save("welcome");
 }
 
+/// Fuses and draws the project of the demo with the commands of the page.
+fn page_on_servers() {
+    let (folder, _) = copy(&tutorials::example().join("example/project"));
+    let page =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/book/src/how-to/headless-servers.md");
+    let lines = commands(&fs::read_to_string(page).unwrap());
+    for start in ["ostra fuse plant", "ostra shot plant plant.png"] {
+        let line = lines.iter().find(|line| line.starts_with(start));
+        tutorials::run(line.expect(start), folder.path());
+    }
+    let drawn = image::open(folder.path().join("plant.png")).unwrap();
+    check_and_write(&drawn.to_rgb8(), "headless-servers");
+}
+
+/// Names the project in the process that has the network in its data folder.
+const PROJECT: &str = "OSTRA_BOOK_PROJECT";
+
+/// Finds bananas in a photo, in another process of this test: the data folder is that of a process.
+fn page_on_text_prompts() {
+    if let Some(project) = std::env::var_os(PROJECT) {
+        let mut stage = Stage::open(Some(Path::new(&project)));
+        stage.show(Panes::Image, 3);
+        stage.type_into("Text to find", "banana; cup");
+        stage.harness.get_by_label("Find").click();
+        stage.settle();
+        stage.harness.get_by_label("Minimum score");
+        stage.save("text-prompts");
+        return;
+    }
+    let needs = Needs::of("banana");
+    let folder = tempfile::tempdir().unwrap();
+    let network = needs.networks.join("yolox_nano.onnx");
+    let project = folder.path().join("bananas");
+    let frames = needs.set.join("images");
+    let words = |words: &[&str], path: &Path| {
+        let words = words.iter().map(OsString::from);
+        words.chain([path.into()]).collect::<Vec<OsString>>()
+    };
+    let mut new = words(&["new"], &project);
+    new.extend(words(&["--frames"], &frames));
+    for args in [words(&["models", "add", "yolox"], &network), new] {
+        let (code, _, text) = networks::ostra(folder.path(), Some(&needs.runtime), &args);
+        assert_eq!(code, Some(0), "{args:?}: {text}");
+    }
+    let status = std::process::Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", "book_images::page_on_text_prompts"])
+        .env("XDG_DATA_HOME", folder.path())
+        .env(PROJECT, &project)
+        .status();
+    assert!(status.unwrap().success());
+}
+
 crate::registry::tests! {
     Nothing => pages_on_labelling_and_3d, pages_on_conflicts_and_borders, pages_on_photos;
-    Nothing => pages_on_the_demo;
+    Nothing => pages_on_the_demo, page_on_servers;
+    Networks(&["banana"]) => page_on_text_prompts;
     Ffmpeg => pages_on_videos;
 }

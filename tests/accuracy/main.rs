@@ -12,6 +12,8 @@
     reason = "tests may panic, and print the figures that they measure"
 )]
 
+#[path = "../support/book_pages.rs"]
+mod book_pages;
 #[path = "../support/crash_child.rs"]
 #[cfg_attr(unix, expect(dead_code, reason = "the quick tests fill the disk"))]
 mod crash_child;
@@ -32,6 +34,7 @@ mod video;
 
 mod attach;
 mod bedroom;
+mod book_commands;
 mod book_images;
 mod bricks;
 mod cameras;
@@ -72,6 +75,7 @@ fn main() -> std::process::ExitCode {
     let modules = [
         attach::tests(),
         bedroom::tests(),
+        book_commands::tests(),
         book_images::tests(),
         bricks::tests(),
         cameras::tests(),

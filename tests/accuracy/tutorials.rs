@@ -2,58 +2,22 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Output};
 use std::sync::OnceLock;
 
+use crate::book_pages::{blocks, words};
 use crate::program::contents;
 
 /// The step that all tutorials begin with. It is run once.
-const SHARED: &str = "ostra demo example --headless --frames 16";
+pub const SHARED: &str = "ostra demo example --headless --frames 16";
 
-/// A block of a page: commands to type, or what the page says they print or write.
-enum Block {
-    Commands(Vec<String>),
-    Text(Vec<String>),
-}
-
-fn blocks(page: &str) -> Vec<Block> {
-    let mut found = Vec::new();
-    let mut lines = page.lines();
-    while let Some(line) = lines.next() {
-        let Some(kind) = line.strip_prefix("```") else {
-            continue;
-        };
-        let inside = lines.by_ref().take_while(|line| *line != "```");
-        let inside = inside.map(String::from).collect();
-        match kind {
-            "sh" => found.push(Block::Commands(inside)),
-            "text" => found.push(Block::Text(inside)),
-            _ => panic!("a block of kind {kind:?}"),
-        }
-    }
-    found
-}
-
-fn words(line: &str) -> Vec<String> {
-    let mut words = vec![String::new()];
-    let mut is_quoted = false;
-    for c in line.chars() {
-        match c {
-            '\'' => is_quoted = !is_quoted,
-            ' ' if !is_quoted => words.push(String::new()),
-            _ => words.last_mut().unwrap().push(c),
-        }
-    }
-    words
-}
-
-/// Runs a command line of the book in a folder, as a user who has no settings.
-pub fn run(line: &str, folder: &Path) -> String {
+/// Starts a command line of the book in a folder, as a user who has no settings.
+pub fn output(line: &str, folder: &Path) -> Output {
     let words = words(line);
     assert_eq!(words[0], "ostra", "{line}");
     let home = folder.join("home");
     fs::create_dir_all(&home).unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_ostra"))
+    Command::new(env!("CARGO_BIN_EXE_ostra"))
         .args(&words[1..])
         .current_dir(folder)
         .env_remove("DISPLAY")
@@ -64,14 +28,26 @@ pub fn run(line: &str, folder: &Path) -> String {
         .env("XDG_DATA_HOME", home.join("data"))
         .env("XDG_CACHE_HOME", home.join("cache"))
         .output()
-        .unwrap();
-    let text = [&output.stdout[..], &output.stderr[..]].map(String::from_utf8_lossy);
-    let text = text.join("\n");
+        .unwrap()
+}
+
+/// Returns all that a command printed.
+pub fn printed(output: &Output) -> String {
+    [&output.stdout[..], &output.stderr[..]]
+        .map(String::from_utf8_lossy)
+        .join("\n")
+}
+
+/// Runs a command line of the book, which must succeed, and returns what it prints.
+pub fn run(line: &str, folder: &Path) -> String {
+    let output = output(line, folder);
+    let text = printed(&output);
     assert!(output.status.success(), "{line}\n{text}");
     text
 }
 
-fn copy(from: &Path, to: &Path) {
+/// Copies a folder with all that is in it.
+pub fn copy(from: &Path, to: &Path) {
     for (path, bytes) in contents(from) {
         let path = to.join(path.strip_prefix(from).unwrap());
         fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -80,7 +56,7 @@ fn copy(from: &Path, to: &Path) {
 }
 
 /// Returns the folder in which [`SHARED`] was run.
-fn example() -> &'static Path {
+pub fn example() -> &'static Path {
     static EXAMPLE: OnceLock<tempfile::TempDir> = OnceLock::new();
     let made = EXAMPLE.get_or_init(|| {
         let folder = tempfile::tempdir().unwrap();
@@ -106,14 +82,14 @@ fn follow(page: &str) -> tempfile::TempDir {
     let mut printed = String::new();
     let mut ran = 0;
     for block in blocks(&page) {
-        match block {
-            Block::Commands(lines) => {
-                for line in lines.iter().filter(|line| *line != SHARED) {
+        match block.kind.as_str() {
+            "sh" => {
+                for line in block.lines.iter().filter(|line| *line != SHARED) {
                     printed += &run(line, folder.path());
                     ran += 1;
                 }
             }
-            Block::Text(lines) => {
+            "text" => {
                 let mut seen = printed.clone();
                 for entry in fs::read_dir(folder.path()).unwrap() {
                     let path = entry.unwrap().path();
@@ -132,13 +108,14 @@ fn follow(page: &str) -> tempfile::TempDir {
                         }
                     }
                 }
-                for line in lines {
+                for line in block.lines {
                     assert!(
                         shows(&seen, &line),
                         "the page promises {line:?}:\n{printed}"
                     );
                 }
             }
+            kind => panic!("a block of kind {kind:?}"),
         }
     }
     assert!(ran >= 8, "{ran} commands");

@@ -2,13 +2,10 @@
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
-use std::fs;
-use std::path::Path;
 
 use ostra_app::{Action, Shortcuts};
 
-/// Lines around the generated part of the page.
-const MARK: &str = "<!-- generated: shortcuts -->\n";
+use crate::generated_page;
 
 fn table() -> String {
     let ctx = egui::Context::default();
@@ -34,21 +31,7 @@ fn table() -> String {
 
 #[test]
 fn shortcut_reference_is_up_to_date() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/book/src/reference/shortcuts.md");
-    let page = fs::read_to_string(&path).unwrap();
-    let parts: Vec<&str> = page.split(MARK).collect();
-    let [before, now, after] = parts[..] else {
-        panic!("the page has a mark at both ends");
-    };
-    let generated = table();
-    if std::env::var_os("OSTRA_UPDATE_BOOK").is_some() {
-        fs::write(&path, [before, &generated, after].join(MARK)).unwrap();
-    } else {
-        assert!(
-            now == generated,
-            "run `OSTRA_UPDATE_BOOK=1 cargo test book` to write the page again"
-        );
-    }
+    generated_page::check("reference/shortcuts.md", "shortcuts", &table());
 }
 
 #[test]

@@ -7,6 +7,9 @@
     reason = "the accuracy tests use the rest of what the tests share"
 )]
 mod data;
+#[cfg(test)]
+#[path = "../support/generated_page.rs"]
+mod generated_page;
 
 #[cfg(test)]
 mod book;
