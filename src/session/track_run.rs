@@ -114,6 +114,10 @@ pub fn track_request(
     if keyframes.is_empty() {
         bail!("no frame has a mask to track; prompt or paint one first");
     }
+    ensure!(
+        (from..=to).any(|frame| !keyframes.contains_key(&frame)),
+        "every frame from {from} to {to} is a keyframe, which no tracker changes: there is nothing to track"
+    );
     let (frames, store) = (Arc::clone(&project.frames), Arc::clone(store));
     let labels = LabelChoice::new(&settings.labels, settings.replace)
         .labels()

@@ -195,6 +195,13 @@ fn world() -> &'static Path {
     made.path()
 }
 
+/// Removes the cloud that the project exported in another folder, which is not replaced here.
+fn remove_exports(folder: &Path) {
+    for file in ["cloud.ply", "cloud.classes.json"] {
+        fs::remove_file(folder.join(file)).unwrap();
+    }
+}
+
 /// Puts the files of one page into its copy of the [`world`].
 fn prepare(page: &str, text: &str, folder: &Path) {
     for line in commands(text) {
@@ -221,7 +228,15 @@ fn prepare(page: &str, text: &str, folder: &Path) {
             for specimen in ["plant1", "plant2", "plant3"] {
                 let [photos, masks] = ["photos", "masks"].map(|kind| folder.join(kind));
                 write_specimen(folder, &photos.join(specimen), &masks.join(specimen));
+                for frame in (0..SPECIMEN_PHOTOS).filter(|frame| frame % 4 != 0) {
+                    fs::remove_file(masks.join(specimen).join(name(frame))).unwrap();
+                }
             }
+            remove_exports(folder);
+        }
+        "how-to/export.md" => {
+            remove_exports(folder);
+            fs::remove_dir_all(folder.join("masks")).unwrap();
         }
         "how-to/reconstruct-photos.md" => {
             let photos = folder.join("photos");

@@ -262,3 +262,24 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn range_of_keyframes_only_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut start = project();
+    for frame in [0, 1] {
+        let mask = Some(keyframe([1, 0, 0]));
+        start.apply(Edit::SetMask { frame, mask }).unwrap();
+    }
+    let mut session = Session::new();
+    session.open = Some(OpenProject::create(&folder.path().join("p"), start).unwrap());
+    let settings = TrackSettings {
+        to: Some(1),
+        ..TrackSettings::default()
+    };
+    let error = session.track(&settings).unwrap_err().to_string();
+    assert!(
+        error.contains("every frame from 0 to 1 is a keyframe"),
+        "{error}"
+    );
+}
