@@ -59,6 +59,7 @@ mod prepared;
 mod queries;
 mod query;
 mod recent;
+mod recent_projects;
 mod recipe;
 mod requests;
 mod session;
@@ -79,8 +80,12 @@ pub use ostra_compute::nn::{Added, CheckedFile, Fetched, Installed, Provider, Ro
 pub use ostra_project::suggestion::{Reason, Suggestion};
 pub use ostra_project::{PromptRequest, RangeChange, RangeRequest};
 pub use prepared::PreparedFrames;
-pub use queries::{Angles, MeasureSettings, ProposedInstances, SparseModel, Surface};
+pub use queries::{
+    Angles, FoundCameras, FoundDepth, MeasureSettings, ProposedInstances, SparseModel, Surface,
+    Survey, SurveyRequest,
+};
 pub use recent::Recent;
+pub use recent_projects::{RecentProject, RecentProjects};
 pub use requests::{
     AttachRequest, CleanRequest, CloudChange, CloudCorrection, GroundRequest, InstancesRequest,
     ModelRequest, ModelTask, MoveBorderRequest, PaintRequest, TakeRequest, TraceRequest,
