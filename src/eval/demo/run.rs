@@ -276,7 +276,7 @@ fn make_recording(scene: &Scene, out: &Path) -> Result<LabelledCloud> {
     Ok(cloud)
 }
 
-fn new_project(out: &Path, method: DemoMethod, views: &[View]) -> NewProject {
+pub(super) fn new_project(out: &Path, method: DemoMethod, views: &[View]) -> NewProject {
     let recording = out.join("recording");
     let given = |path: &str, given: bool| given.then(|| recording.join(path));
     let depth = given("depth", method != DemoMethod::Stereo);
