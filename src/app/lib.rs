@@ -13,6 +13,8 @@
 //! - `action`, `menu`, `shortcuts`, `perform`: list of actions, and how they are started and
 //!   performed.
 //! - `ranges`: changes of a label over a range of frames.
+//! - `opening`: dropped files, the form of a new project, recent projects and the example.
+//! - `option_names`: names of controls in place of options of the command line.
 //! - `textures`: images and masks on the GPU.
 //!
 //! Fields ending in `_px` are image positions in pixels, with the centre of the top-left pixel at
@@ -39,6 +41,8 @@ mod canvas;
 mod dialogs;
 mod menu;
 mod notices;
+mod opening;
+mod option_names;
 mod panel_state;
 mod panels;
 mod perform;
@@ -57,7 +61,9 @@ mod window;
 
 pub use action::{Action, MenuName};
 pub use canvas::{CanvasMap, Draft, Tool};
+pub use dialogs::{HelpPage, NewProjectForm, PathPicker, SourceKind};
 pub use notices::{Notice, Notices, Severity};
+pub use opening::MakeExample;
 pub use panels::{InspectedPoint, SceneSelect, SelectShape};
 pub use prefs::{Panes, Prefs};
 pub use scene_prefs::{ClipSides, SceneLook, ScenePrefs, Slice};

@@ -3,8 +3,8 @@ use egui::{CentralPanel, Context, Event, Frame, Key, Margin, Panel, ScrollArea, 
 use super::action::Requests;
 use super::canvas::image_pane_ui;
 use super::dialogs::{
-    export_ui, image_ui, into_ui, models_ui, new_project_ui, palette_ui, path_ui, relocate_ui,
-    sheet_ui, take_picked,
+    export_ui, help_ui, image_ui, into_ui, models_ui, new_project_ui, palette_ui, path_ui,
+    relocate_ui, sheet_ui, take_picked,
 };
 use super::menu::menu_bar_ui;
 use super::notices::notices_ui;
@@ -36,11 +36,12 @@ impl Shell {
     /// Without a GPU the 3-D view shows a message that it needs one.
     #[must_use]
     pub fn new(prefs: Prefs, gpu: Option<&egui_wgpu::RenderState>) -> Self {
-        let (view, textures, scene) = (
+        let (mut view, textures, scene) = (
             ViewState::new(prefs),
             Textures::default(),
             ScenePane::new(gpu),
         );
+        view.adapter = gpu.map(|gpu| gpu.adapter.get_info().name);
         Self {
             view,
             textures,
@@ -74,7 +75,7 @@ impl Shell {
         self.view.keep_valid(session);
         self.view.presence.update(session.project);
         self.view.draft.follow(session.project);
-        take_picked(ui.ctx(), &mut self.view);
+        take_picked(ui.ctx(), &mut self.view, &mut requests.commands);
         requests
             .actions
             .extend(pressed(ui.ctx(), &self.view, self.took_keys));
@@ -98,6 +99,9 @@ impl Shell {
         if self.view.measures.open {
             measures_ui(ui, session, &mut self.view);
         }
+        if session.has_frames() && self.view.dialog.is_none() {
+            drop_hint_ui(ui);
+        }
         notices_ui(ui, &mut self.view.notices);
         self.took_keys = takes_keys(ui.ctx());
         let Requests {
@@ -107,7 +111,10 @@ impl Shell {
         for action in actions {
             perform(action, ui.ctx(), session, &mut self.view, &mut commands);
         }
-        if let Some(images) = session.images {
+        for images in [session.images, session.survey_images]
+            .into_iter()
+            .flatten()
+        {
             images.turn();
         }
         commands
@@ -204,7 +211,10 @@ impl Shell {
                 .iter()
                 .any(|frame| frame.posed_camera().is_some());
         match (session.has_frames(), session.inspected.is_some()) {
-            (false, false) => return welcome_ui(ui, session, &self.view, requests),
+            (false, false) => {
+                let (view, textures) = (&mut self.view, &mut self.textures);
+                return welcome_ui(ui, session, view, textures, requests);
+            }
             (false, true) => {
                 return self.scene.ui(
                     ui,
@@ -250,9 +260,11 @@ impl Shell {
     fn dialogs_ui(&mut self, ui: &Ui, session: &SessionView<'_>, requests: &mut Requests) {
         let view = &mut self.view;
         match view.dialog {
-            Some(dialog @ (Dialog::NewProject | Dialog::AddFrames)) => {
-                new_project_ui(ui, view, dialog, &mut requests.commands);
+            Some(Dialog::NewProject | Dialog::AddFrames) => {
+                let textures = &mut self.textures;
+                new_project_ui(ui, session, view, textures, &mut requests.commands);
             }
+            Some(Dialog::Help(page)) => help_ui(ui, session, view, page),
             Some(Dialog::Relocate) => relocate_ui(ui, view, &mut requests.commands),
             Some(Dialog::Export) => export_ui(ui, session, view, &mut requests.commands),
             Some(Dialog::Image) => image_ui(ui, view),
@@ -298,6 +310,24 @@ fn pressed(ctx: &Context, view: &ViewState, took_keys: bool) -> Vec<Action> {
 /// Returns `true` if keys go to a menu, a list or a text field.
 fn takes_keys(ctx: &Context) -> bool {
     ctx.text_edit_focused() || ctx.any_popup_open()
+}
+
+/// Covers the window with a hint while files hover over it.
+fn drop_hint_ui(ui: &Ui) {
+    if ui.input(|input| input.raw.hovered_files.is_empty()) {
+        return;
+    }
+    let id = egui::Id::unique("drop hint");
+    let layer = egui::LayerId::new(egui::Order::Foreground, id);
+    let (painter, screen) = (ui.ctx().layer_painter(layer), ui.ctx().content_rect());
+    painter.rect_filled(screen, 0.0, egui::Color32::from_black_alpha(170));
+    painter.text(
+        screen.center(),
+        egui::Align2::CENTER_CENTER,
+        "Drop to create a new project",
+        egui::FontId::proportional(22.0),
+        egui::Color32::WHITE,
+    );
 }
 
 fn side_panel(panel: Panel, size: f32) -> Panel {
