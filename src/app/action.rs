@@ -12,6 +12,8 @@ use ostra_view::Side;
 pub enum Action {
     /// Opens the dialog for a new project.
     NewProject,
+    /// Makes the example project, or opens the one made before.
+    Example,
     /// Chooses a project folder to open.
     Open,
     /// Chooses a PLY file to view on its own.
@@ -199,6 +201,14 @@ pub enum Action {
     Palette,
     /// Opens the shortcut sheet.
     ShortcutSheet,
+    /// Shows the guide.
+    Guide,
+    /// Shows the changes that users notice.
+    WhatsNew,
+    /// Shows what to send with a report of a problem.
+    ReportProblem,
+    /// Shows version, licence and what the program runs on.
+    About,
 }
 
 /// Menus of the menu bar.
@@ -355,6 +365,7 @@ const LIST: &[Row] = {
     use Action as A;
     list! {
         A::NewProject, FILE, false, "New project…", "Create a project from photos, a video or an RGB-D recording", ctrl(Key::N);
+        A::Example, FILE, false, "Try the example plant", "Make an example project of a synthetic plant with cameras and depth, and open it", None;
         A::Open, FILE, false, "Open project…", "Open a project folder", ctrl(Key::O);
         A::Inspect, FILE, false, "View a point cloud…", "View a labelled PLY on its own in 3-D", ctrl_shift(Key::O);
         A::AddFrames, FILE, true, "Add frames…", "Append frames to the project", None;
@@ -455,6 +466,10 @@ const LIST: &[Row] = {
         A::Cancel, RUN, false, "Cancel", "Discard the unfinished box, stroke, polygon or trace, else clear selected points or close the matches or traits window. Jobs go on", plain(Key::Escape);
         A::Palette, HELP, false, "Find action…", "List all actions; type to filter", ctrl(Key::P);
         A::ShortcutSheet, HELP, false, "Shortcuts…", "Show and change shortcuts", plain(Key::Questionmark);
+        A::Guide, HELP, true, "Guide…", "Show the tutorials and how-to pages", plain(Key::F1);
+        A::WhatsNew, HELP, false, "What's new…", "Show the changes in this version", None;
+        A::ReportProblem, HELP, false, "Report a problem…", "Show what to send with a report", None;
+        A::About, HELP, true, "About OSTRA…", "Show version, licence, graphics adapter and ONNX Runtime", None;
     }
 };
 

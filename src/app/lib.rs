@@ -14,6 +14,8 @@
 //! - `action`, `menu`, `shortcuts`, `perform`: list of actions, and how they are started and
 //!   performed.
 //! - `ranges`: changes of a label over a range of frames.
+//! - `opening`: dropped files, the form of a new project, recent projects and the example.
+//! - `option_names`: names of controls in place of options of the command line.
 //! - `textures`: images and masks on the GPU.
 //!
 //! Fields ending in `_px` are image positions in pixels, with the centre of the top-left pixel at
@@ -45,6 +47,8 @@ mod icons;
 mod leave;
 mod menu;
 mod notices;
+mod opening;
+mod option_names;
 mod pane_buttons;
 mod panel_state;
 mod panels;
@@ -67,7 +71,9 @@ mod window;
 pub use action::{Action, MenuName};
 pub use arrangement::{Arrangement, Pane};
 pub use canvas::{CanvasMap, Draft, Tool};
+pub use dialogs::{HelpPage, NewProjectForm, PathPicker, SourceKind};
 pub use notices::{Notice, Notices, Severity};
+pub use opening::MakeExample;
 pub use panels::{InspectedPoint, SceneSelect, SelectShape};
 pub use prefs::{Panes, Prefs};
 pub use scene_prefs::{ClipSides, SceneLook, ScenePrefs, Slice};

@@ -6,7 +6,7 @@ use super::panels::has_chosen;
 use super::ranges::{is_range_change, range_request, split_at};
 use super::tooltips::action_button;
 use super::{Action, MenuName, SessionView, ViewState};
-use ostra_session::{Command, EngineKind};
+use ostra_session::{Command, EngineKind, JobTask};
 
 /// Draws the menu bar from the list of actions, with undo and redo at its end.
 pub(super) fn menu_bar_ui(
@@ -47,6 +47,7 @@ pub(super) fn is_possible(action: Action, session: &SessionView<'_>, view: &View
     use Action as A;
     match action {
         A::AddFrames | A::ImportMasks | A::SaveRecipe => session.root.is_some(),
+        A::Example => view.has_example && session.running(&JobTask::Example).is_none(),
         A::Relocate => session.has_frames(),
         A::Close => session.root.is_some() || session.inspected.is_some(),
         A::SaveImage => session.points().is_some(),

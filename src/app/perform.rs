@@ -3,7 +3,7 @@ use ostra_project::SegmenterId;
 
 use super::canvas::{clear_label, click_at};
 use super::dialogs::RelocateForm;
-use super::dialogs::{PathRequest, typed_path};
+use super::dialogs::{HelpPage, PathRequest, choose_path, typed_path};
 use super::menu::is_possible;
 use super::panels::{InspectedPoint, Ruler, add_label, listed, next_worst, pairs_in};
 use super::ranges::{is_range_change, next_uncertain, range_request, set_range, split_at};
@@ -29,6 +29,11 @@ pub(super) fn perform(
         view.dialog = Some(dialog);
         view.relocate = RelocateForm::of(&session.project.frames);
         view.clear_path();
+        view.new_project.reopen();
+        if let Dialog::Path(request @ (PathRequest::OpenProject | PathRequest::InspectPly)) = dialog
+        {
+            choose_path(view, request);
+        }
         return;
     }
     if let Some(frame) = destination(action, session, view) {
@@ -36,6 +41,7 @@ pub(super) fn perform(
         return;
     }
     match action {
+        Action::Example => view.wants_example = true,
         Action::Close => out.push(Command::Close),
         Action::Quit => ctx.send_viewport_cmd(ViewportCommand::Close),
         Action::Undo => step(view, Command::Undo, out),
@@ -185,6 +191,10 @@ fn dialog_of(action: Action, session: &SessionView<'_>, view: &ViewState) -> Opt
         Action::Models => Dialog::Models,
         Action::Palette => Dialog::Palette,
         Action::ShortcutSheet => Dialog::Shortcuts,
+        Action::Guide => Dialog::Help(HelpPage::Guide),
+        Action::WhatsNew => Dialog::Help(HelpPage::News),
+        Action::ReportProblem => Dialog::Help(HelpPage::Report),
+        Action::About => Dialog::Help(HelpPage::About),
         Action::Open => Dialog::Path(PathRequest::OpenProject),
         Action::Inspect => Dialog::Path(PathRequest::InspectPly),
         Action::ImportMasks => Dialog::Path(PathRequest::ImportMasks),

@@ -13,7 +13,7 @@ use ostra_masks::{LabelTree, Region, RunMask};
 use ostra_project::{Estimate, Project};
 use ostra_session::{
     Angles, Drawings, EngineInfo, EngineKind, Grounding, Images, JobTask, JobView,
-    ProposedInstances, SparseReconstruction, Suggestion, Unfinished,
+    ProposedInstances, RecentProject, SparseReconstruction, Suggestion, Survey, Unfinished,
 };
 use ostra_view::{Layer, LayerImage, draw_layer};
 
@@ -62,6 +62,12 @@ pub struct SessionView<'a> {
     pub redo: Option<&'a str>,
     /// Recently opened projects, latest first.
     pub recent: &'a [PathBuf],
+    /// What the folders of recent projects hold, as far as it is known.
+    pub recent_projects: Option<&'a BTreeMap<PathBuf, RecentProject>>,
+    /// What the files of the new-project dialog hold, once they are read.
+    pub survey: Option<&'a Arc<Survey>>,
+    /// Thumbnails of these files.
+    pub survey_images: Option<&'a Images>,
     /// Shown frame's mask before the last step that changed it, while both are compared.
     pub before: Option<&'a Arc<RunMask>>,
     /// Suggested objects: regions that no label explains.

@@ -5,8 +5,8 @@ use egui::{
 use super::action::Requests;
 use super::centre::{Parts, centre_ui};
 use super::dialogs::{
-    export_ui, image_ui, into_ui, models_ui, new_project_ui, palette_ui, path_ui, relocate_ui,
-    sheet_ui, take_picked,
+    export_ui, help_ui, image_ui, into_ui, models_ui, new_project_ui, palette_ui, path_ui,
+    relocate_ui, sheet_ui, take_picked,
 };
 use super::leave::{Leaving, leaving_ui, waiting_ui};
 use super::menu::menu_bar_ui;
@@ -49,11 +49,12 @@ impl Shell {
     /// Without a GPU the 3-D view shows a message that it needs one.
     #[must_use]
     pub fn new(prefs: Prefs, gpu: Option<&egui_wgpu::RenderState>) -> Self {
-        let (view, textures, scene) = (
+        let (mut view, textures, scene) = (
             ViewState::new(prefs),
             Textures::default(),
             ScenePane::new(gpu),
         );
+        view.adapter = gpu.map(|gpu| gpu.adapter.get_info().name);
         Self {
             view,
             textures,
@@ -100,7 +101,7 @@ impl Shell {
         self.view.presence.update(session.project);
         self.view.draft.follow(session.project);
         keep_track_valid(session, &mut self.view);
-        take_picked(ui.ctx(), &mut self.view);
+        take_picked(ui.ctx(), &mut self.view, &mut requests.commands);
         if !self.leaving.is_asking() {
             requests
                 .actions
@@ -118,6 +119,9 @@ impl Shell {
         if self.view.matches.open && session.has_frames() {
             matches_ui(ui, session, &mut self.view, &mut self.textures);
         }
+        if session.has_frames() && self.view.dialog.is_none() {
+            drop_hint_ui(ui);
+        }
         notices_ui(ui, &mut self.view.notices);
         self.took_keys = takes_keys(ui.ctx());
         let Requests {
@@ -130,7 +134,10 @@ impl Shell {
         }
         self.leaving
             .hold_back(ui.ctx(), session.jobs, &mut commands);
-        if let Some(images) = session.images {
+        for images in [session.images, session.survey_images]
+            .into_iter()
+            .flatten()
+        {
             images.turn();
         }
         commands
@@ -264,7 +271,8 @@ impl Shell {
     /// Draws the image and the 3-D view, or the welcome page if nothing is open.
     fn panes_ui(&mut self, ui: &mut Ui, session: &SessionView<'_>, requests: &mut Requests) {
         if !session.has_frames() && session.inspected.is_none() {
-            return welcome_ui(ui, session, &self.view, requests);
+            let (view, textures) = (&mut self.view, &mut self.textures);
+            return welcome_ui(ui, session, view, textures, requests);
         }
         let parts = Parts {
             textures: &mut self.textures,
@@ -276,9 +284,11 @@ impl Shell {
     fn dialogs_ui(&mut self, ui: &Ui, session: &SessionView<'_>, requests: &mut Requests) {
         let view = &mut self.view;
         match view.dialog {
-            Some(dialog @ (Dialog::NewProject | Dialog::AddFrames)) => {
-                new_project_ui(ui, view, dialog, &mut requests.commands);
+            Some(Dialog::NewProject | Dialog::AddFrames) => {
+                let textures = &mut self.textures;
+                new_project_ui(ui, session, view, textures, &mut requests.commands);
             }
+            Some(Dialog::Help(page)) => help_ui(ui, session, view, page),
             Some(Dialog::Relocate) => relocate_ui(ui, view, &mut requests.commands),
             Some(Dialog::Export) => export_ui(ui, session, view, &mut requests.commands),
             Some(Dialog::Image) => image_ui(ui, view),
@@ -372,6 +382,24 @@ fn docked_ui(
             selection_ui(ui, session, view, &mut requests.actions);
         });
     }
+}
+
+/// Covers the window with a hint while files hover over it.
+fn drop_hint_ui(ui: &Ui) {
+    if ui.input(|input| input.raw.hovered_files.is_empty()) {
+        return;
+    }
+    let id = egui::Id::unique("drop hint");
+    let layer = egui::LayerId::new(egui::Order::Foreground, id);
+    let (painter, screen) = (ui.ctx().layer_painter(layer), ui.ctx().content_rect());
+    painter.rect_filled(screen, 0.0, egui::Color32::from_black_alpha(170));
+    painter.text(
+        screen.center(),
+        egui::Align2::CENTER_CENTER,
+        "Drop to create a new project",
+        egui::FontId::proportional(22.0),
+        egui::Color32::WHITE,
+    );
 }
 
 fn scrolled(ui: &mut Ui, salt: &str, content: impl FnOnce(&mut Ui)) {

@@ -16,6 +16,7 @@ pub(super) struct Textures {
     hovered: Option<MaskTexture>,
     vote_mismatch: Option<(Arc<Region>, TextureHandle)>,
     thumbnails: BTreeMap<usize, Thumbnail>,
+    small: Vec<CachedImage>,
     clock: u64,
 }
 
@@ -39,6 +40,9 @@ const HOVER_OPACITY: f32 = 0.25;
 
 /// Maximum number of thumbnails kept on the GPU.
 const THUMBNAILS_KEPT: usize = 300;
+
+/// Number of thumbnails of files and projects that are not open kept on the GPU.
+const SMALL_KEPT: usize = 40;
 
 /// Smooth when minified, sharp pixels when magnified.
 const PIXELS: TextureOptions = TextureOptions {
@@ -125,6 +129,21 @@ impl Textures {
             },
         );
         self.drop_oldest_thumbnail();
+        texture
+    }
+
+    /// Returns the texture of a thumbnail of a file or project that is not open.
+    pub fn small(&mut self, ctx: &Context, image: &Arc<Image>) -> TextureHandle {
+        let known = self.small.iter().find(|(of, _)| Arc::ptr_eq(of, image));
+        if let Some((_, texture)) = known {
+            return texture.clone();
+        }
+        let pixels = fitted(ctx, image.width, image.height, |i| opaque(image.pixels[i]));
+        let texture = ctx.load_texture("small", pixels, TextureOptions::LINEAR);
+        if self.small.len() >= SMALL_KEPT {
+            drop(self.small.remove(0));
+        }
+        self.small.push((Arc::clone(image), texture.clone()));
         texture
     }
 

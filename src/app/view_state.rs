@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use super::canvas::{Draft, Tool, ZoomState};
 use super::dialogs::{
-    ExportForm, ImageForm, ModelsForm, NewProjectForm, PathPicker, PathRequest, RelocateForm,
-    ScreenshotRequest, SheetState,
+    ExportForm, HelpPage, ImageForm, ModelsForm, NewProjectForm, PathPicker, PathRequest,
+    RelocateForm, ScreenshotRequest, SheetState,
 };
 use super::panel_state::{LabelEditing, MatchView, PointCounts, Presence, TextPrompt};
 use super::panels::{InspectedPoint, MeasureView, Ruler, SceneSelect};
@@ -67,6 +67,14 @@ pub struct ViewState {
     pub dialog: Option<Dialog>,
     /// Form of the new-project dialog. It survives a change of project.
     pub new_project: NewProjectForm,
+    /// Whether an example project can be made.
+    pub has_example: bool,
+    /// Whether the user requested the example project.
+    pub wants_example: bool,
+    /// Name of the graphics adapter; `None` without one.
+    pub adapter: Option<String>,
+    /// Page of the guide.
+    pub guide_page: usize,
     /// Form of the export dialog.
     pub export: ExportForm,
     /// Form of the dialog that saves the 3-D view.
@@ -206,6 +214,8 @@ pub enum Dialog {
     Shortcuts,
     /// Searches the list of actions.
     Palette,
+    /// Shows a page of the help.
+    Help(HelpPage),
     /// Chooses the label that receives the pixels of a merge or split.
     Into(IntoRequest),
     /// Asks for a single path, typed or chosen.
@@ -251,6 +261,10 @@ impl ViewState {
             onto_text: String::new(),
             dialog: None,
             new_project: NewProjectForm::default(),
+            has_example: false,
+            wants_example: false,
+            adapter: None,
+            guide_page: 0,
             export: ExportForm::default(),
             image: ImageForm::default(),
             screenshot_request: None,
@@ -299,10 +313,13 @@ impl ViewState {
             std::mem::take(&mut self.new_project),
             std::mem::take(&mut self.picker),
         );
+        let adapter = self.adapter.take();
         *self = Self {
             notices,
             new_project,
             picker,
+            adapter,
+            has_example: self.has_example,
             ..Self::new(kept)
         };
     }

@@ -7,10 +7,12 @@ use anyhow::Result;
 use egui::{Context, ViewportBuilder, ViewportCommand};
 
 use super::attention::{Attention, title_with_progress};
-use super::dialogs::{NewProjectForm, ScreenshotRequest, Take};
+use super::dialogs::{PathPicker, ScreenshotRequest, Take};
+use super::opening::{MakeExample, Opening, example_folder, open_dropped, open_paths};
+use super::option_names::in_window_words;
 use super::theme::set_theme;
 use super::view_state::RecipeTarget;
-use super::{Dialog, Layers, Prefs, SessionView, Severity, Shell, ViewState, layers_of};
+use super::{Layers, Prefs, SessionView, Severity, Shell, ViewState, layers_of};
 use ostra_compute::nn::{ModelStatus, Provider};
 use ostra_core::disk;
 use ostra_frames::{Frame, TurntableOptions};
@@ -22,11 +24,12 @@ use ostra_view::{RenderRequest, write_png};
 
 /// Opens the window.
 ///
-/// `path` is a project, a folder of frames, a video or a labelled PLY to open.
+/// `path` is a project, a folder of frames, a video or a labelled PLY to open. `make_example` makes
+/// the example project.
 ///
 /// # Errors
 /// If the system provides no window or no graphics adapter.
-pub fn run(path: Option<PathBuf>) -> Result<()> {
+pub fn run(path: Option<PathBuf>, make_example: MakeExample) -> Result<()> {
     let viewport = ViewportBuilder::default()
         .with_title("OSTRA")
         .with_app_id("ostra")
@@ -39,7 +42,7 @@ pub fn run(path: Option<PathBuf>) -> Result<()> {
     let result = eframe::run_native(
         "ostra",
         options,
-        Box::new(|cc| Ok(Box::new(Window::new(cc, path)))),
+        Box::new(move |cc| Ok(Box::new(Window::new(cc, path, make_example)))),
     );
     result.map_err(|error| {
         anyhow::anyhow!(
@@ -64,12 +67,17 @@ pub struct Window {
     /// Recomputed when the project changes.
     estimate: Option<Estimate>,
     estimate_due: bool,
+    opening: Opening,
 }
 
 const PREFS: &str = "prefs";
 
 impl Window {
-    fn new(cc: &eframe::CreationContext<'_>, path: Option<PathBuf>) -> Self {
+    fn new(
+        cc: &eframe::CreationContext<'_>,
+        path: Option<PathBuf>,
+        make_example: MakeExample,
+    ) -> Self {
         set_theme(&cc.egui_ctx);
         let prefs: Prefs = cc
             .storage
@@ -83,7 +91,14 @@ impl Window {
             Recent::load(),
             &cc.egui_ctx,
         );
-        window.begin_with(path);
+        window.shell.view.picker = PathPicker::native();
+        if let Some(folder) = example_folder() {
+            window.offer_example(folder, make_example);
+        }
+        let given = path.into_iter().collect();
+        if let Some(command) = open_paths(given, &mut window.shell.view) {
+            window.act(command);
+        }
         window
     }
 
@@ -107,7 +122,13 @@ impl Window {
             attention: Attention::default(),
             estimate: None,
             estimate_due: false,
+            opening: Opening::new(ctx),
         }
+    }
+
+    /// Offers an example project, which is made in `folder`.
+    pub fn offer_example(&mut self, folder: PathBuf, make: MakeExample) {
+        self.opening.offer_example(folder, make);
     }
 
     /// Returns the session behind the window.
@@ -137,13 +158,18 @@ impl Window {
             ctx.send_viewport_cmd(ViewportCommand::Title(title.clone()));
             self.title = title;
         }
-        self.open_dropped(ctx);
+        if let Some(command) = open_dropped(ctx, &mut self.shell.view) {
+            self.shell.request(command);
+        }
         self.shell.hold_back_quit(ctx, &self.session.jobs());
     }
 
     /// Draws the window and executes the commands that the user issued.
     pub fn show(&mut self, ui: &mut egui::Ui) {
         self.update_estimate();
+        let view = &mut self.shell.view;
+        self.opening
+            .follow(&mut self.session, view, &self.recent, ui.ctx());
         self.session.follow_masks();
         let jobs = self.session.jobs();
         let view = &self.shell.view;
@@ -159,6 +185,9 @@ impl Window {
             engines: &self.engines,
             models: &self.models,
             recent: self.recent.paths(),
+            recent_projects: self.opening.recent_projects(),
+            survey: self.opening.survey(),
+            survey_images: self.opening.images(),
             before: before.as_ref(),
             estimate: self.estimate,
             unfinished: self.session.unfinished(),
@@ -217,19 +246,34 @@ impl Window {
                 .map(|title| format!("Redone: {title}")),
             _ => None,
         };
-        match (self.session.act(command), moved) {
+        let creates = matches!(command, Command::New(_) | Command::AddFrames(_));
+        let done = self.session.act(command);
+        let done = if creates {
+            self.opening.note_creation(done, &mut self.shell.view)
+        } else {
+            done
+        };
+        match (done, moved) {
             (Ok(_), Some(moved)) => self.shell.view.note = moved,
             (Ok(_), None) => {}
-            (Err(error), _) => self.fail(format!("{error:#}")),
+            (Err(error), _) => self.fail(&format!("{error:#}")),
         }
     }
 
-    fn fail(&mut self, text: String) {
+    fn fail(&mut self, text: &str) {
         self.shell.view.draft.forget_sent();
-        self.shell.view.notices.tell(Severity::Error, text);
+        self.tell(Severity::Error, text);
+    }
+
+    fn tell(&mut self, severity: Severity, text: &str) {
+        let notices = &mut self.shell.view.notices;
+        notices.tell(severity, in_window_words(text));
     }
 
     fn take(&mut self, event: Event) {
+        if self.opening.take(&event, &mut self.shell.view) {
+            return;
+        }
         match event {
             Event::Opened(path) => {
                 self.estimate_due = true;
@@ -240,8 +284,8 @@ impl Window {
                 self.estimate_due = true;
                 self.shell.project_changed();
             }
-            Event::Failed { error, .. } => self.fail(error),
-            Event::Warning(text) => self.shell.view.notices.tell(Severity::Warning, text),
+            Event::Failed { error, .. } => self.fail(&error),
+            Event::Warning(text) => self.tell(Severity::Warning, &text),
             Event::Notice(text) => self.shell.view.note = text,
             Event::Finished { title, .. } => self.shell.view.note = format!("{title}: done"),
             Event::Stopped { title, .. } => {
@@ -350,7 +394,7 @@ impl Window {
             }
         };
         if let Err(error) = started {
-            self.fail(format!("{error:#}"));
+            self.fail(&format!("{error:#}"));
         }
     }
 
@@ -366,38 +410,11 @@ impl Window {
         match written {
             Ok(()) => self.shell.view.note = format!("Recipe saved to {}", path.display()),
             Err(error) => {
-                self.fail(format!(
+                self.fail(&format!(
                     "{}: the recipe cannot be written ({error}); choose another place",
                     path.display()
                 ));
             }
-        }
-    }
-
-    /// Opens files dropped on the window as if they were given on the command line.
-    fn open_dropped(&mut self, ctx: &Context) {
-        let dropped = ctx.input(|input| {
-            input
-                .raw
-                .dropped_files
-                .first()
-                .map(|file| file.path().to_owned())
-        });
-        self.begin_with(dropped);
-    }
-
-    fn begin_with(&mut self, path: Option<PathBuf>) {
-        let Some(path) = path else { return };
-        if path
-            .extension()
-            .is_some_and(|ending| ending.eq_ignore_ascii_case("ply"))
-        {
-            self.shell.request(Command::Inspect(path));
-        } else if path.join("project.toml").is_file() {
-            self.shell.request(Command::Open(path));
-        } else {
-            self.shell.view.new_project = NewProjectForm::with_frames(path.display().to_string());
-            self.shell.view.dialog = Some(Dialog::NewProject);
         }
     }
 }
@@ -453,6 +470,9 @@ fn view_of<'a>(
         undo: session.undo_title(),
         redo: session.redo_title(),
         recent: &[],
+        recent_projects: None,
+        survey: None,
+        survey_images: None,
         before: None,
         suggestions: session.suggestions(),
         grounding: session.grounding(),

@@ -1,4 +1,4 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
@@ -7,7 +7,8 @@ use clap::{Args, ValueEnum};
 use super::drive::ProgressLines;
 use super::print::print_text;
 use super::values;
-use ostra_eval::demo::{DemoMethod, DemoOptions, finish, run_demo};
+use ostra_core::job::Progress;
+use ostra_eval::demo::{DemoMethod, DemoOptions, finish, make_example, run_demo};
 use ostra_eval::synthetic::{SceneKind, SceneOptions, SensorNoise};
 use ostra_session::Session;
 use ostra_view::{
@@ -98,8 +99,13 @@ pub(super) fn demo(args: &DemoArgs) -> Result<()> {
     if args.headless || !has_display() {
         Ok(())
     } else {
-        ostra_app::run(Some(args.out.join("project")))
+        ostra_app::run(Some(args.out.join("project")), example)
     }
+}
+
+/// Makes the example project of the window; see [`make_example`].
+pub(super) fn example(folder: &Path, progress: &Progress) -> Result<PathBuf> {
+    make_example(folder, &SceneOptions::default(), progress)
 }
 
 fn draw(session: &Session, args: &DemoArgs) -> Result<()> {

@@ -46,7 +46,7 @@ pub fn main() -> ExitCode {
 fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
     Provider::from(cli.provider).choose();
     let Some(command) = cli.command else {
-        return ostra_app::run(cli.path);
+        return ostra_app::run(cli.path, demo::example);
     };
     stop::watch(if saves_nothing(&command) {
         Duration::ZERO

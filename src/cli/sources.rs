@@ -91,6 +91,7 @@ pub(super) fn new_project(
             depth_unit,
             float_depth_unit,
             depth_camera,
+            ignore_depth: false,
             every,
             from,
             to,

@@ -71,7 +71,9 @@ pub use frame::{DepthSource, Frame, FrameCamera, ImageSource, Orientation};
 pub use frame_set::FrameSet;
 pub use image::{DepthMap, Image};
 pub use name_parts::{file_of, without_ending};
-pub use open::{FrameFolder, OpenRequest, Opened, natural_order, open, open_more};
+pub use open::{
+    Companions, FrameFolder, IMAGE_ENDINGS, OpenRequest, Opened, natural_order, open, open_more,
+};
 pub use relocate::{check_source, missing_sources, sources, sources_mut};
 pub use store::FrameStore;
 pub use video::{TurntableOptions, take_video_damage, write_turntable};

@@ -4,7 +4,7 @@ use std::sync::{Arc, LazyLock};
 use crate::queries::{
     Angles, AnglesKey, CloudKey, CloudState, Conflicts, ConflictsKey, InstancesKey, LoadedCloud,
     MeasureSettings, MeasuredCloud, MeshKey, SelectionKey, SparseKey, SurfaceKey, SurfaceKind,
-    TraitsKey, VoteMismatchKey,
+    Survey, SurveyRequest, TraitsKey, VoteMismatchKey,
 };
 use crate::{InstancesRequest, PromptRequest, ProposedInstances, Session, SparseReconstruction};
 use ostra_cloud::conflicts::FrameConflict;
@@ -148,6 +148,15 @@ impl Session {
             None => mismatch.known(&key),
         };
         Some(known?.value)
+    }
+
+    /// Returns what the files of a new project hold.
+    ///
+    /// A job reads them when they are first requested, and is stopped when others are requested.
+    /// The result is `None` until then. No project needs to be open.
+    #[must_use]
+    pub fn survey(&self, request: SurveyRequest) -> Option<&Arc<Survey>> {
+        Some(self.background.survey.get(request)?.value)
     }
 
     /// Returns the traits of the cloud's labels, in world units.

@@ -10,7 +10,7 @@ use crate::live_preview::PreviewSink;
 use crate::queries::{
     Angles, CloudState, MeasuredCloud, PromptTools, Snapshot, choose_points, find_angles,
     find_conflicts, find_vote_mismatch, load_cloud, load_mesh, load_sparse_model, make_surface,
-    measure_traits, preview_prompt, propose_instances, under,
+    measure_traits, preview_prompt, propose_instances, survey_frames, under,
 };
 use crate::query::{Query, QueryKey, WithWarnings};
 use crate::session::Background;
@@ -44,6 +44,7 @@ impl Session {
         self.start_angles();
         self.start_selection();
         self.start_prompt_preview();
+        self.start_survey();
     }
 
     fn next<K: QueryKey, V>(&mut self, slot: QueryAccessor<K, V>) -> Option<K> {
@@ -155,6 +156,16 @@ impl Session {
     fn measurable_as(&self, of: &MeasuredCloud) -> Option<(Arc<LabelledCloud>, LabelTree)> {
         let (cloud, tree) = self.measurable()?;
         (MeasuredCloud::new(cloud, tree) == *of).then(|| (Arc::clone(cloud), tree.clone()))
+    }
+
+    fn start_survey(&mut self) {
+        if let Some(key) = self.next(|all| &mut all.survey) {
+            self.start_query(
+                |all| &mut all.survey,
+                key,
+                |key, progress| Ok(survey_frames(key, progress)?.into()),
+            );
+        }
     }
 
     fn start_traits(&mut self) {

@@ -187,7 +187,7 @@ impl Shelf {
 }
 
 /// Reduces an image to a longer side of [`THUMBNAIL_PX`] pixels by block means.
-fn thumbnail(image: &Image) -> Image {
+pub(crate) fn thumbnail(image: &Image) -> Image {
     let longest = image.width.max(image.height);
     if longest <= THUMBNAIL_PX {
         return image.clone();

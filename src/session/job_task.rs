@@ -19,6 +19,8 @@ pub enum JobTask {
     MeasureTraits,
     /// Measuring the angle between labels.
     MeasureAngles,
+    /// Making the example project.
+    Example,
     /// Installing, adding or checking the network of this name.
     Network(String),
 }
@@ -36,6 +38,7 @@ impl JobTask {
             Self::Propose => "Propose",
             Self::MeasureTraits => "Measure",
             Self::MeasureAngles => "Measure angles",
+            Self::Example => "Make the example",
             Self::Network(name) => name,
         }
     }

@@ -59,6 +59,7 @@ mod prepared;
 mod queries;
 mod query;
 mod recent;
+mod recent_projects;
 mod recipe;
 mod recipe_schema;
 mod requests;
@@ -83,8 +84,12 @@ pub use ostra_compute::nn::{
 pub use ostra_project::suggestion::{Reason, Suggestion};
 pub use ostra_project::{PromptRequest, RangeChange, RangeRequest};
 pub use prepared::PreparedFrames;
-pub use queries::{Angles, MeasureSettings, ProposedInstances, SparseReconstruction, SurfaceKind};
+pub use queries::{
+    Angles, FoundCameras, FoundDepth, MeasureSettings, ProposedInstances, SparseReconstruction,
+    SurfaceKind, Survey, SurveyRequest,
+};
 pub use recent::Recent;
+pub use recent_projects::{RecentProject, RecentProjects};
 pub use recipe_schema::recipe_schema;
 pub use requests::{
     AttachRequest, CleanRequest, CloudChange, CloudCorrection, FindByTextRequest, InstancesRequest,

@@ -10,7 +10,7 @@ use crate::live_revote::LiveRevote;
 use crate::prepared::Prompting;
 use crate::queries::{
     Angles, AnglesKey, ChosenPoints, CloudQuery, Conflicts, ConflictsKey, InstancesKey, MeshKey,
-    SelectionKey, SparseKey, SurfaceKey, TraitsKey, VoteMismatchKey,
+    SelectionKey, SparseKey, SurfaceKey, Survey, SurveyRequest, TraitsKey, VoteMismatchKey,
 };
 use crate::query::Query;
 use crate::track_run::TrackRun;
@@ -68,6 +68,7 @@ pub(crate) struct Background {
     pub(crate) angles: Query<AnglesKey, Angles>,
     pub(crate) selection: Query<SelectionKey, ChosenPoints>,
     pub(crate) prompt_preview: Query<PromptRequest, Option<Arc<RunMask>>>,
+    pub(crate) survey: Query<SurveyRequest, Survey>,
     pub(crate) revote: LiveRevote,
     pub(crate) preview: LivePreview,
 }

@@ -293,7 +293,7 @@ fn pages_on_photos() {
     stage.press(Modifiers::NONE, Key::F6);
     stage.view().dialog = Some(Dialog::NewProject);
     stage.settle();
-    stage.type_into("Frames folder or video", "/photos/rice");
+    stage.type_into("Frames", "/photos/rice");
     stage.save("new-project");
     drop(stage);
     for line in [

@@ -22,8 +22,8 @@ use ostra_project::workflow::Step;
 use ostra_project::{FrameMask, MaskOrigin, Project};
 use ostra_session::JobView;
 use ostra_session::{
-    Angles, Command, EngineInfo, Grounding, Images, ProposedInstances, SparseReconstruction,
-    Suggestion, Unfinished, list_engines, list_models,
+    Angles, Command, EngineInfo, Grounding, Images, ProposedInstances, RecentProject,
+    SparseReconstruction, Suggestion, Survey, Unfinished, list_engines, list_models,
 };
 
 pub const WIDTH: u32 = 64;
@@ -49,6 +49,9 @@ pub struct Desk {
     pub unfinished: Option<Unfinished>,
     pub undo: Option<String>,
     pub recent: Vec<PathBuf>,
+    pub recent_projects: BTreeMap<PathBuf, RecentProject>,
+    pub survey: Option<Arc<Survey>>,
+    pub survey_images: Images,
     pub before: Option<Arc<RunMask>>,
     pub suggestions: Vec<Suggestion>,
     pub proposed: Option<Arc<ProposedInstances>>,
@@ -56,6 +59,9 @@ pub struct Desk {
     pub conflicts: BTreeMap<usize, FrameConflict>,
     pub traits: Option<Arc<Vec<TraitRow>>>,
     pub angles: Angles,
+    pub size: Vec2,
+    /// Whether files hover over the window.
+    pub dragged: bool,
     pub requested: Vec<Command>,
 }
 
@@ -81,6 +87,9 @@ impl Desk {
             models: list_models().unwrap(),
             undo: None,
             recent: Vec::new(),
+            recent_projects: BTreeMap::new(),
+            survey: None,
+            survey_images: Images::new(|frame| Ok(Arc::new(image(frame))), || {}),
             before: None,
             suggestions: Vec::new(),
             proposed: None,
@@ -88,6 +97,8 @@ impl Desk {
             conflicts: BTreeMap::new(),
             traits: None,
             angles: Angles::new(),
+            size: Vec2::new(1400.0, 900.0),
+            dragged: false,
             requested: Vec::new(),
         }
     }
@@ -126,6 +137,9 @@ impl Desk {
             undo: self.undo.as_deref(),
             redo: None,
             recent: &self.recent,
+            recent_projects: Some(&self.recent_projects),
+            survey: self.survey.as_ref(),
+            survey_images: Some(&self.survey_images),
             before: self.before.as_ref(),
             suggestions: &self.suggestions,
             grounding: self.grounding.as_ref(),
@@ -147,8 +161,12 @@ impl Desk {
 
     pub fn shown_by(self, builder: HarnessBuilder<Self>) -> Harness<'static, Self> {
         let mut harness = builder
-            .with_size(Vec2::new(1400.0, 900.0))
+            .with_size(self.size)
             .build_ui_state(|ui, desk: &mut Self| desk.ui(ui), self);
+        if harness.state().dragged {
+            let hovered = &mut harness.input_mut().hovered_files;
+            hovered.push(egui::HoveredFile::default());
+        }
         harness.run_steps(4);
         harness
     }

@@ -1,52 +1,197 @@
 //! Tests of the dialogs.
 
+use std::sync::Arc;
+
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::{NodeT, Queryable};
-use ostra_app::Dialog;
+use ostra_app::{Dialog, HelpPage, NewProjectForm};
 use ostra_cloud::measure::GroundChoice;
 use ostra_compute::nn::Installed;
+use ostra_frames::FrameFolder;
 use ostra_frames::cameras::ModelEncoding;
-use ostra_session::{Command, ModelRequest, ModelTask};
+use ostra_session::{
+    Command, FoundCameras, FoundDepth, ModelRequest, ModelTask, NewProject, RecentProject, Survey,
+};
 
 use crate::desk::{Desk, press};
 
 fn type_into(harness: &mut egui_kittest::Harness<'_, Desk>, name: &str, text: &str) {
-    harness.get_by_label(name).focus();
+    // A label with the same text may stand before the field.
+    harness.get_all_by_label(name).last().unwrap().focus();
     harness.run_steps(2);
     harness.event(egui::Event::Text(text.into()));
     harness.run_steps(2);
 }
 
+/// Returns what is found in the files of the form: three frames with depth and cameras.
+fn found(desk: &Desk) -> Survey {
+    let request = desk.shell.view.new_project.survey_request().unwrap();
+    Survey {
+        sources: vec![FrameFolder {
+            frames: request.paths[0].clone(),
+            depth: Some("/photos/depth".into()),
+        }],
+        request,
+        frames: Arc::clone(&Desk::sample().project.frames),
+        depth: Some(FoundDepth {
+            frames: 12,
+            folder: "/photos/depth".into(),
+        }),
+        cameras: Some(FoundCameras {
+            path: "/photos/sparse".into(),
+            frames: 11,
+        }),
+        intrinsics: None,
+        root: Some("/photos-ostra".into()),
+        warnings: vec!["the unit may be wrong; give the depth unit (--depth-unit)".into()],
+        error: None,
+    }
+}
+
+fn requested_project(harness: &egui_kittest::Harness<'_, Desk>) -> NewProject {
+    match &harness.state().requested[..] {
+        [Command::New(new)] => new.clone(),
+        other => panic!("{other:?}"),
+    }
+}
+
 #[test]
-fn new_project_uses_the_typed_paths() {
+fn new_project_uses_what_was_found_and_ticked() {
     let mut harness = Desk::empty().shown();
-    harness.get_by_label("New project…").click();
+    harness.get_by_label("Photos of an object").click();
     harness.run_steps(3);
+    harness.get_by_label("New project from photos");
     assert!(
         harness
             .get_by_label("Create")
             .accesskit_node()
             .is_disabled()
     );
-    type_into(&mut harness, "Frames folder or video", "/photos/rice");
-    type_into(&mut harness, "Depth folder", "/photos/rice-depth");
-    type_into(&mut harness, "Cameras file or folder", "/photos/sparse");
-    harness.get_by_label("Create").click();
+    // The first field has the keyboard.
+    harness.event(egui::Event::Text("/photos/color".into()));
     harness.run_steps(2);
-    let Command::New(new) = &harness.state().requested[0] else {
-        panic!("{:?}", harness.state().requested)
-    };
-    assert_eq!(new.root, std::path::Path::new("/photos/rice-ostra"));
+    harness.state_mut().survey = Some(Arc::new(found(harness.state())));
+    harness.run_steps(2);
+    harness.get_by_label("12 images · 64 × 48 pixels");
+    harness.get_by_label_contains("the unit may be wrong; give the depth unit");
+    assert!(harness.query_by_label_contains("--").is_none());
+    harness
+        .get_by_label("Cameras of 11 of 12 frames, from photos/sparse")
+        .click();
+    harness.run_steps(2);
+    press(&mut harness, Modifiers::NONE, Key::Enter);
+    let new = requested_project(&harness);
+    assert_eq!(new.root, std::path::Path::new("/photos-ostra"));
     assert_eq!(
         new.open.sources[0].depth.as_deref(),
-        Some(std::path::Path::new("/photos/rice-depth"))
+        Some(std::path::Path::new("/photos/depth"))
     );
-    assert_eq!(
-        new.cameras.as_deref(),
-        Some(std::path::Path::new("/photos/sparse"))
-    );
+    assert_eq!(new.cameras, None, "not ticked");
     assert_eq!((new.open.every, new.open.depth_unit), (1, 0.001));
-    assert_eq!(harness.state().shell.view.dialog, None);
+    assert_eq!(
+        harness.state().shell.view.dialog,
+        Some(Dialog::NewProject),
+        "open until the project is created"
+    );
+}
+
+#[test]
+fn typed_places_take_precedence_and_enter_waits_for_the_files() {
+    let mut harness = Desk::empty().shown();
+    harness.state_mut().shell.view.dialog = Some(Dialog::NewProject);
+    harness.run_steps(3);
+    harness.get_by_label("Advanced").click();
+    harness.run_steps(12);
+    type_into(&mut harness, "Cameras", "/other/sparse");
+    type_into(&mut harness, "Project folder", "/projects/rice");
+    type_into(&mut harness, "Frames", "/photos/color");
+    press(&mut harness, Modifiers::NONE, Key::Enter);
+    assert!(
+        harness.state().requested.is_empty(),
+        "the files are not read"
+    );
+    harness.state_mut().survey = Some(Arc::new(found(harness.state())));
+    harness.run_steps(3);
+    let new = requested_project(&harness);
+    assert_eq!(new.root, std::path::Path::new("/projects/rice"));
+    assert_eq!(new.cameras, Some("/other/sparse".into()));
+}
+
+#[test]
+fn several_files_are_listed_and_can_be_cleared() {
+    let mut desk = Desk::empty();
+    let paths = ["/photos/1.jpg", "/photos/2.jpg"].map(std::path::PathBuf::from);
+    desk.shell.view.new_project = NewProjectForm::with_paths(paths.to_vec());
+    desk.shell.view.dialog = Some(Dialog::NewProject);
+    let mut harness = desk.shown();
+    harness.get_by_label("2 items in /photos");
+    assert!(harness.query_by_label("Frames").is_none());
+    harness.get_by_label("Clear selection").click();
+    harness.run_steps(3);
+    harness.get_by_label("Frames");
+    assert_eq!(
+        harness.state().shell.view.new_project.survey_request(),
+        None
+    );
+}
+
+#[test]
+fn missing_file_chooser_is_reported_in_the_form() {
+    let mut harness = Desk::empty().shown();
+    harness.get_by_label("Video").click();
+    harness.run_steps(3);
+    harness.get_by_label("Choose files…").click();
+    harness.run_steps(3);
+    harness.get_by_label_contains("No file chooser on this system");
+}
+
+#[test]
+fn first_page_opens_recent_projects_and_greys_missing_ones() {
+    let mut desk = Desk::empty();
+    desk.shell.view.has_example = true;
+    let roots = ["/projects/rice", "/stick/maize"].map(std::path::PathBuf::from);
+    desk.recent = roots.to_vec();
+    desk.recent_projects.insert(
+        roots[0].clone(),
+        RecentProject::Available {
+            frames: 3,
+            thumbnail: Some(Arc::new(crate::desk::image(0))),
+        },
+    );
+    let missing = RecentProject::Unavailable("the folder is missing".into());
+    desk.recent_projects.insert(roots[1].clone(), missing);
+    let mut harness = desk.shown();
+    assert_eq!(harness.unnamed_widgets(), Vec::<String>::new());
+    let gone = harness.get_by_label("maize: the folder is missing");
+    assert!(gone.accesskit_node().is_disabled());
+    harness.get_by_label("Open rice").click();
+    harness.run_steps(2);
+    assert_eq!(harness.state().requested, [Command::Open(roots[0].clone())]);
+    harness.get_by_label("Try the example plant").click();
+    harness.run_steps(2);
+    assert!(harness.state().shell.view.wants_example);
+}
+
+#[test]
+fn help_pages_open_from_the_menu() {
+    let mut harness = Desk::empty().shown();
+    for (entry, content) in [
+        ("Guide…", "From photos of a plant to a table of traits"),
+        ("What's new…", "Changelog"),
+        ("Report a problem…", "Graphics adapter"),
+        ("About OSTRA…", "ONNX Runtime"),
+    ] {
+        harness.get_all_by_label("Help").next().unwrap().click();
+        harness.run_steps(3);
+        harness.get_by_label(entry).click();
+        harness.run_steps(3);
+        assert!(
+            harness.query_all_by_label_contains(content).count() > 0,
+            "{entry}"
+        );
+        press(&mut harness, Modifiers::NONE, Key::Escape);
+        assert_eq!(harness.state().shell.view.dialog, None);
+    }
 }
 
 #[test]
@@ -100,13 +245,15 @@ fn export_writes_the_checked_outputs() {
     );
 }
 
-const DIALOGS: [Dialog; 6] = [
+const DIALOGS: [Dialog; 8] = [
     Dialog::NewProject,
     Dialog::AddFrames,
     Dialog::Export,
     Dialog::Models,
     Dialog::Shortcuts,
     Dialog::Palette,
+    Dialog::Help(HelpPage::Guide),
+    Dialog::Help(HelpPage::About),
 ];
 
 #[test]

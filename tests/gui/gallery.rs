@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use egui_kittest::wgpu::{WgpuTestRenderer, create_render_state, default_wgpu_setup};
-use ostra_app::{Dialog, Panes, Prefs, Severity, Shell};
+use ostra_app::{Dialog, HelpPage, NewProjectForm, Panes, Prefs, Severity, Shell};
 use ostra_cloud::LabelledCloud;
 use ostra_cloud::ply::read_ply;
 use ostra_core::job::Progress;
@@ -16,15 +16,15 @@ use ostra_frames::cameras::GivenCameras;
 use ostra_frames::{FrameFolder, FrameStore, OpenRequest};
 use ostra_masks::{Label, LabelId, LabelMask, LabelTree, RunMask};
 use ostra_project::{FrameMask, MaskOrigin, Project};
-use ostra_session::Images;
+use ostra_session::{FoundCameras, FoundDepth, Images, RecentProject, Survey};
 use ostra_view::Coloring;
 
 use crate::data::find_data;
-use crate::desk::Desk;
+use crate::desk::{Desk, image};
 
 type Scene = (&'static str, fn() -> Desk, fn(&mut Desk));
 
-const SCENES: [Scene; 14] = [
+const SCENES: [Scene; 19] = [
     ("shelf", shelf, |_| ()),
     ("shelf_labels", shelf, |desk| {
         desk.shell.view.coloring = Coloring::Label;
@@ -36,7 +36,11 @@ const SCENES: [Scene; 14] = [
         desk.shell.view.coloring = Coloring::Label;
     }),
     ("welcome", Desk::empty, |desk| {
-        desk.recent = vec!["/home/me/rice-ostra".into(), "/home/me/shelf".into()];
+        welcome(desk);
+    }),
+    ("welcome_dragged", Desk::empty, |desk| {
+        welcome(desk);
+        desk.dragged = true;
     }),
     ("both", Desk::sample, |_| ()),
     ("picture", Desk::sample, |desk| {
@@ -47,7 +51,21 @@ const SCENES: [Scene; 14] = [
         desk.shell.view.coloring = Coloring::Label;
     }),
     ("new_project", Desk::sample, |desk| {
-        desk.shell.view.dialog = Some(Dialog::NewProject);
+        new_project(desk);
+    }),
+    ("welcome_small", Desk::empty, |desk| {
+        welcome(desk);
+        desk.size = egui::vec2(800.0, 600.0);
+    }),
+    ("new_project_small", Desk::sample, |desk| {
+        new_project(desk);
+        desk.size = egui::vec2(800.0, 600.0);
+    }),
+    ("guide", Desk::empty, |desk| {
+        desk.shell.view.dialog = Some(Dialog::Help(HelpPage::Guide));
+    }),
+    ("about", Desk::empty, |desk| {
+        desk.shell.view.dialog = Some(Dialog::Help(HelpPage::About));
     }),
     ("export", Desk::sample, |desk| {
         desk.shell.view.dialog = Some(Dialog::Export);
@@ -77,6 +95,52 @@ const SCENES: [Scene; 14] = [
         desk.shell.view.coloring = Coloring::Confidence;
     }),
 ];
+
+/// Fills the first page: the example is offered, and one of three recent projects is missing.
+fn welcome(desk: &mut Desk) {
+    desk.shell.view.has_example = true;
+    desk.size = egui::vec2(1280.0, 800.0);
+    let roots = [
+        "/home/me/rice-ostra",
+        "/home/me/shelf",
+        "/media/stick/maize-ostra",
+    ];
+    desk.recent = roots.map(PathBuf::from).to_vec();
+    for (number, root) in roots[..2].iter().enumerate() {
+        let state = RecentProject::Available {
+            frames: 12,
+            thumbnail: Some(Arc::new(image(number * 6))),
+        };
+        desk.recent_projects.insert(root.into(), state);
+    }
+    let missing = RecentProject::Unavailable("the folder is missing".into());
+    desk.recent_projects.insert(roots[2].into(), missing);
+}
+
+/// Fills the form of a new project with a recording.
+fn new_project(desk: &mut Desk) {
+    desk.shell.view.dialog = Some(Dialog::NewProject);
+    let form = NewProjectForm::with_paths(vec!["/data/shelf/color".into()]);
+    desk.survey = Some(Arc::new(Survey {
+        request: form.survey_request().unwrap(),
+        sources: Vec::new(),
+        frames: Arc::clone(&desk.project.frames),
+        depth: Some(FoundDepth {
+            frames: 11,
+            folder: "/data/shelf/depth".into(),
+        }),
+        cameras: Some(FoundCameras {
+            path: "/data/shelf/sparse".into(),
+            frames: 12,
+        }),
+        intrinsics: None,
+        root: Some("/data/shelf-ostra".into()),
+        warnings: vec!["1 of 12 frames have no depth: 000007.png".into()],
+        error: None,
+    }));
+    desk.shell.view.new_project = form;
+    desk.size = egui::vec2(1280.0, 800.0);
+}
 
 #[test]
 fn everything_opens_dark_and_light() {

@@ -17,9 +17,9 @@ use ostra_masks::LabelId;
 use ostra_project::FuseRequest;
 use ostra_session::{Command, NewProject, Recent, Session};
 
-type Shown = Harness<'static, Option<Window>>;
+pub type Shown = Harness<'static, Option<Window>>;
 
-fn window() -> Shown {
+pub fn window() -> Shown {
     let mut harness = Harness::builder()
         .with_size(egui::vec2(1200.0, 800.0))
         .build_ui_state(
@@ -40,12 +40,12 @@ fn window() -> Shown {
     harness
 }
 
-fn inner(harness: &mut Shown) -> &mut Window {
+pub fn inner(harness: &mut Shown) -> &mut Window {
     harness.state_mut().as_mut().unwrap()
 }
 
 /// Runs the window until `is_true`, and fails with `what` after 30 s.
-fn until(harness: &mut Shown, what: &str, mut is_true: impl FnMut(&mut Shown) -> bool) {
+pub fn until(harness: &mut Shown, what: &str, mut is_true: impl FnMut(&mut Shown) -> bool) {
     let begun = Instant::now();
     while !is_true(harness) {
         assert!(
@@ -59,7 +59,7 @@ fn until(harness: &mut Shown, what: &str, mut is_true: impl FnMut(&mut Shown) ->
 }
 
 /// Writes three images of a bright square on a dark ground.
-fn images(dir: &Path) {
+pub fn images(dir: &Path) {
     for number in 0..3_u32 {
         let square = |x: u32, y: u32| (30..60).contains(&(x - number * 3)) && (20..50).contains(&y);
         let pixel = |x, y| {
@@ -279,7 +279,7 @@ fn closing_returns_to_the_start_page() {
     until(&mut harness, "nothing is open", |harness| {
         harness.query_by_label("Frame 0, no mask").is_none()
     });
-    assert!(harness.query_by_label("New project…").is_some());
+    assert!(harness.query_by_label("Photos of an object").is_some());
 }
 
 /// Fills in the image dialog, saves, and waits until the file at `path` exists.

@@ -334,6 +334,39 @@ fn unreadable_images_are_counted_and_named() {
 }
 
 #[test]
+fn one_damaged_photo_does_not_refuse_its_folder() {
+    let root = tempfile::tempdir().unwrap();
+    let text = |name: &str| root.path().join(name).display().to_string();
+    for folder in ["photos", "more"] {
+        std::fs::create_dir(text(folder)).unwrap();
+        for name in ["1.png", "2.png"] {
+            reference()
+                .save(root.path().join(folder).join(name))
+                .unwrap();
+        }
+        let damaged = root.path().join(folder).join("DSC_0427.jpg");
+        std::fs::write(damaged, "cut off").unwrap();
+    }
+    let project = text("project");
+    for command in [
+        ["new", &project, "--frames", &text("photos")],
+        ["add", &project, "--frames", &text("more")],
+    ] {
+        let warnings = warned(&command);
+        assert!(
+            warnings.contains("1 of 3 images cannot be read and is shown as a grey tile")
+                && warnings.contains("DSC_0427.jpg"),
+            "{warnings}"
+        );
+    }
+    assert_eq!(frames_of(&project).len(), 6);
+    for name in ["1.png", "2.png"] {
+        std::fs::write(root.path().join("photos").join(name), "").unwrap();
+    }
+    refused(&["new", &text("none"), "--frames", &text("photos")]);
+}
+
+#[test]
 fn damaged_images_are_named_and_the_rest_is_processed() {
     let recording = Recording::new();
     let color = |k: u32| recording.path(&format!("color/{k}.png"));

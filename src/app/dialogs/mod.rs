@@ -3,23 +3,27 @@
 mod export;
 mod export_form;
 mod forms;
+mod help;
 mod into;
 mod models;
 mod new_project;
+mod new_project_form;
 mod path;
 mod picker;
 mod scene_image;
 mod sheet;
+mod survey;
 
 pub(super) use export::export_ui;
 pub use export_form::ExportForm;
-pub use forms::{
-    ImageForm, ModelsForm, NewProjectForm, RelocateForm, ScreenshotRequest, SheetState, Take,
-};
+pub use forms::{ImageForm, ModelsForm, RelocateForm, ScreenshotRequest, SheetState, Take};
+pub use help::HelpPage;
+pub(super) use help::help_ui;
 pub(super) use into::into_ui;
 pub(super) use models::models_ui;
 pub(super) use new_project::new_project_ui;
-pub(super) use path::{path_ui, relocate_ui, take_picked};
+pub use new_project_form::{NewProjectForm, SourceKind};
+pub(super) use path::{choose_path, path_ui, relocate_ui, take_picked};
 pub(super) use picker::{PathField, Pick, PickTarget, path_field_ui, typed_path};
 pub use picker::{PathPicker, PathRequest};
 pub(super) use scene_image::image_ui;

@@ -1,85 +1,267 @@
-use egui::{DragValue, Grid, TextEdit, Ui};
+//! Dialog for a new project, or for more frames of the open one.
 
-use super::forms::{NewProjectForm, SourceForm};
-use super::picker::{PathField, PathPicker, Pick, PickTarget, path_field_ui};
-use crate::tooltips::{field, icon_button, modal, section_heading};
-use crate::{Dialog, ViewState};
-use ostra_session::Command;
+use egui::{DragValue, Grid, Key, RichText, ScrollArea, TextEdit, Ui};
+
+use super::new_project_form::{NewProjectForm, SourceKind, Stage, resolved};
+use super::picker::{
+    NO_CHOOSER, PathField, PathPicker, Pick, PickTarget, path_field_ui, typed_path,
+};
+use super::survey::found_ui;
+use crate::option_names::in_window_words;
+use crate::textures::Textures;
+use crate::tooltips::{field, icon_button, modal};
+use crate::{Dialog, SessionView, ViewState};
+use ostra_session::{Command, Survey};
 
 /// Draws the dialog for a new project, or for more frames of the open one.
 pub(crate) fn new_project_ui(
     ui: &Ui,
+    session: &SessionView<'_>,
     view: &mut ViewState,
-    dialog: Dialog,
+    textures: &mut Textures,
     out: &mut Vec<Command>,
 ) {
-    let new = dialog == Dialog::NewProject;
+    let new = view.dialog == Some(Dialog::NewProject);
+    let survey = current_survey(session, &view.new_project);
+    let height = ui.ctx().content_rect().height();
     let response = modal(ui, "new project", 600.0, |ui| {
-        ui.heading(if new {
-            "New project from frames"
-        } else {
-            "Add frames"
-        });
+        ui.heading(heading(new, view.new_project.kind));
         ui.add_space(8.0);
-        Grid::new("sources")
-            .num_columns(2)
-            .spacing([12.0, 8.0])
-            .show(ui, |ui| form_ui(ui, view, new));
+        ScrollArea::vertical()
+            .max_height((height - 150.0).max(120.0))
+            .show(ui, |ui| {
+                ui.add_enabled_ui(!view.new_project.is_sent(), |ui| {
+                    frames_ui(ui, view);
+                    ui.add_space(6.0);
+                    found_ui(ui, session, &mut view.new_project, survey, textures);
+                    ui.add_space(8.0);
+                    if new {
+                        root_ui(ui, &mut view.picker, &mut view.new_project, survey);
+                    }
+                    advanced_ui(ui, view);
+                });
+            });
         ui.add_space(8.0);
-        range_ui(ui, &mut view.new_project);
-        ui.add_space(12.0);
-        end_ui(ui, view, new, out);
+        end_ui(ui, view, survey, out);
     });
-    if response.should_close() {
-        view.dialog = None;
+    if response.should_close() && !view.new_project.is_sent() {
+        close(view);
     }
 }
 
-fn form_ui(ui: &mut Ui, view: &mut ViewState, new: bool) {
-    let (form, picker) = (&mut view.new_project, &mut view.picker);
-    sources_ui(ui, picker, &mut form.sources);
-    if form.describes_depth() {
-        depth_ui(ui, picker, form);
+fn close(view: &mut ViewState) {
+    view.dialog = None;
+    view.new_project.resume(None);
+    view.new_project.was_focused = false;
+}
+
+/// Returns what was found if it belongs to the form as it is now.
+fn current_survey<'a>(session: &SessionView<'a>, form: &NewProjectForm) -> Option<&'a Survey> {
+    let request = form.survey_request()?;
+    session
+        .survey
+        .map(|survey| &**survey)
+        .filter(|survey| survey.request == request)
+}
+
+fn heading(new: bool, kind: SourceKind) -> &'static str {
+    match (new, kind) {
+        (false, _) => "Add frames",
+        (true, SourceKind::Any) => "New project",
+        (true, SourceKind::Photos) => "New project from photos",
+        (true, SourceKind::Video) => "New project from a video",
+        (true, SourceKind::Recording) => "New project from an RGB-D recording",
     }
-    ui.label("Cameras").on_hover_text(
-        "COLMAP model, transforms.json, TUM or Redwood trajectory, pose files; optional",
-    );
+}
+
+fn hint(kind: SourceKind) -> &'static str {
+    match kind {
+        SourceKind::Any => "Folder of images, or a video",
+        SourceKind::Photos => "Folder of photos",
+        SourceKind::Video => "Video file",
+        SourceKind::Recording => "Folder of the recording",
+    }
+}
+
+/// Draws the field that takes folders, images and videos.
+fn frames_ui(ui: &mut Ui, view: &mut ViewState) {
+    let (form, picker) = (&mut view.new_project, &mut view.picker);
+    if form.chosen.is_empty() {
+        let edit = TextEdit::singleline(&mut form.frames)
+            .hint_text(hint(form.kind))
+            .desired_width(f32::INFINITY);
+        let edit = ui.add(edit).accessible_name("Frames");
+        if edit.changed() {
+            form.error = None;
+            form.stage = Stage::Editing;
+        }
+        if !std::mem::replace(&mut form.was_focused, true) {
+            edit.request_focus();
+        }
+    } else {
+        chosen_ui(ui, form);
+    }
+    if let [path] = &form.paths()[..]
+        && let Some(whole) = resolved(path)
+    {
+        ui.weak(whole.display().to_string());
+    }
     ui.horizontal(|ui| {
-        let field = PathField {
-            name: "Cameras file or folder",
-            hint: "none",
-            pick: Pick::Folder,
-            target: PickTarget::Cameras,
-        };
-        path_field_ui(ui, picker, &field, &mut form.cameras);
+        let buttons = [
+            (
+                "Choose folder…",
+                Pick::Folders,
+                "Choose one or more folders",
+            ),
+            (
+                "Choose files…",
+                Pick::ImagesAndVideos,
+                "Choose images, or a video",
+            ),
+        ];
+        for (text, pick, tip) in buttons {
+            if ui.button(text).on_hover_text(tip).clicked() {
+                picker.ask(pick, PickTarget::Frames);
+            }
+        }
+        if picker.is_unavailable() {
+            ui.colored_label(ui.visuals().warn_fg_color, NO_CHOOSER);
+        } else {
+            ui.weak("or drop them here");
+        }
     });
-    ui.end_row();
-    intrinsics_ui(
-        ui,
-        "Intrinsics",
-        "fx, fy, cx, cy of all frames in pixels; optional",
-        "fx, fy, cx, cy, or a file",
-        &mut form.intrinsics,
-    );
-    if new {
-        let hint = form
-            .suggested_root()
-            .map_or("folder of the project".into(), |path| {
-                path.display().to_string()
+}
+
+/// Draws several chosen paths, which are not edited as text.
+fn chosen_ui(ui: &mut Ui, form: &mut NewProjectForm) {
+    let count = form.chosen.len();
+    let first = &form.chosen[0];
+    let folder = first.parent().unwrap_or(first);
+    let text = if form.chosen.iter().all(|path| path.parent() == Some(folder)) {
+        format!("{count} items in {}", folder.display())
+    } else {
+        format!("{count} items, the first is {}", first.display())
+    };
+    let names: Vec<String> = form
+        .chosen
+        .iter()
+        .take(20)
+        .map(|path| path.display().to_string())
+        .collect();
+    let more = if count > 20 { "\n…" } else { "" };
+    let tip = format!("{}{more}", names.join("\n"));
+    let mut is_cleared = false;
+    egui::Frame::new()
+        .fill(ui.visuals().text_edit_bg_color())
+        .corner_radius(4.0)
+        .inner_margin(egui::Margin::symmetric(6, 3))
+        .show(ui, |ui| {
+            ui.horizontal(|ui| {
+                let width = ui.available_width() - 26.0;
+                let label = egui::Label::new(text).truncate();
+                ui.scope(|ui| {
+                    ui.set_width(width);
+                    ui.add(label).on_hover_text(tip);
+                });
+                is_cleared =
+                    icon_button(ui, "×", "Clear selection", "Choose other files").clicked();
             });
+        });
+    if is_cleared {
+        form.set_paths(Vec::new());
+        form.was_focused = false;
+    }
+}
+
+/// Draws the field of the project's folder, with the whole path below it.
+fn root_ui(
+    ui: &mut Ui,
+    picker: &mut PathPicker,
+    form: &mut NewProjectForm,
+    survey: Option<&Survey>,
+) {
+    let suggested = survey.and_then(|survey| survey.root.as_ref());
+    let hint = suggested.map_or("chosen by the frames".into(), |path| {
+        path.display().to_string()
+    });
+    ui.horizontal(|ui| {
         ui.label("Project folder")
             .on_hover_text("Folder for the project; images stay where they are");
+        let field = PathField {
+            name: "Project folder",
+            hint: &hint,
+            pick: Pick::Folder,
+            target: PickTarget::Root,
+        };
+        path_field_ui(ui, picker, &field, &mut form.root);
+    });
+    if let Some(path) = typed_path(&form.root)
+        && let Some(whole) = resolved(&path)
+    {
+        ui.weak(whole.display().to_string());
+    }
+}
+
+fn advanced_ui(ui: &mut Ui, view: &mut ViewState) {
+    let is_open =
+        view.new_project.kind == SourceKind::Recording && view.new_project.has_depth_camera();
+    egui::CollapsingHeader::new("Advanced")
+        .id_salt("advanced")
+        .default_open(is_open)
+        .show_unindented(ui, |ui| {
+            let (form, picker) = (&mut view.new_project, &mut view.picker);
+            Grid::new("sources")
+                .num_columns(2)
+                .spacing([12.0, 6.0])
+                .show(ui, |ui| {
+                    places_ui(ui, picker, form);
+                    depth_ui(ui, picker, form);
+                    ui.label("Use")
+                        .on_hover_text("Frames of the sources to use");
+                    ui.horizontal(|ui| range_ui(ui, form));
+                    ui.end_row();
+                });
+        });
+}
+
+/// Draws the fields of depth, cameras and intrinsics that are not found by themselves.
+fn places_ui(ui: &mut Ui, picker: &mut PathPicker, form: &mut NewProjectForm) {
+    let rows = [
+        (
+            "Depth folder",
+            "Folder of depth images that belong to the frames",
+            "found by name",
+            PickTarget::Depth,
+            &mut form.depth,
+        ),
+        (
+            "Cameras",
+            "COLMAP model, transforms.json, TUM or Redwood trajectory, pose files",
+            "found by name",
+            PickTarget::Cameras,
+            &mut form.cameras,
+        ),
+    ];
+    for (name, tip, hint, target, text) in rows {
+        ui.label(name).on_hover_text(tip);
         ui.horizontal(|ui| {
             let field = PathField {
-                name: "Project folder",
-                hint: &hint,
+                name,
+                hint,
                 pick: Pick::Folder,
-                target: PickTarget::Root,
+                target,
             };
-            path_field_ui(ui, picker, &field, &mut form.root);
+            path_field_ui(ui, picker, &field, text);
         });
         ui.end_row();
     }
+    intrinsics_ui(
+        ui,
+        "Intrinsics",
+        "fx, fy, cx, cy of all frames in pixels",
+        "fx, fy, cx, cy, or a file",
+        &mut form.intrinsics,
+    );
 }
 
 fn depth_ui(ui: &mut Ui, picker: &mut PathPicker, form: &mut NewProjectForm) {
@@ -134,18 +316,15 @@ fn intrinsics_ui(ui: &mut Ui, name: &str, tip: &str, hint: &str, text: &mut Stri
 }
 
 fn range_ui(ui: &mut Ui, form: &mut NewProjectForm) {
-    section_heading(ui, "Frames to use");
-    ui.horizontal(|ui| {
-        ui.label("Every");
-        let every = ui.add(DragValue::new(&mut form.every).range(1..=10_000).speed(0.1));
-        every
-            .on_hover_text("1 uses all frames, 10 every tenth")
-            .accessible_name("Use every Nth frame");
-        ui.label("from");
-        optional_ui(ui, &mut form.from, "From source frame", "first");
-        ui.label("to");
-        optional_ui(ui, &mut form.to, "To source frame", "last");
-    });
+    ui.label("every");
+    let every = ui.add(DragValue::new(&mut form.every).range(1..=10_000).speed(0.1));
+    every
+        .on_hover_text("1 uses all frames, 10 every tenth")
+        .accessible_name("Use every Nth frame");
+    ui.label("frames, from");
+    optional_ui(ui, &mut form.from, "From source frame", "first");
+    ui.label("to");
+    optional_ui(ui, &mut form.to, "To source frame", "last");
 }
 
 fn optional_ui(ui: &mut Ui, value: &mut Option<usize>, name: &str, without: &str) {
@@ -171,99 +350,69 @@ fn optional_ui(ui: &mut Ui, value: &mut Option<usize>, name: &str, without: &str
     }
 }
 
-fn end_ui(ui: &mut Ui, view: &mut ViewState, new: bool, out: &mut Vec<Command>) {
-    let request = view.new_project.request(new);
+/// Draws the error and the buttons, and sends the request.
+fn end_ui(ui: &mut Ui, view: &mut ViewState, survey: Option<&Survey>, out: &mut Vec<Command>) {
+    let new = view.dialog == Some(Dialog::NewProject);
+    let form = &mut view.new_project;
+    if let Some(error) = &form.error {
+        let text = RichText::new(in_window_words(error)).color(ui.visuals().error_fg_color);
+        ui.add(egui::Label::new(text).wrap());
+        ui.add_space(4.0);
+    }
+    let is_sent = form.is_sent();
+    // Enter in a text field leaves it; on a button, it presses the button.
+    let is_entered = ui.input(|input| input.key_pressed(Key::Enter))
+        && ui.memory(|memory| memory.focused().is_none());
+    let mut cancelled = false;
     ui.horizontal(|ui| {
-        ui.weak(request.as_ref().err().map_or("", String::as_str));
+        if form.stage != Stage::Editing {
+            ui.spinner();
+            ui.weak(if is_sent {
+                "Creating…"
+            } else {
+                "Reading the files…"
+            });
+        }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             let (text, tip) = if new {
-                ("Create", "Create the project and open it")
+                ("Create", "Create the project and open it (Enter)")
             } else {
-                ("Add", "Add the frames")
+                ("Add", "Add the frames (Enter)")
             };
-            if ui
-                .add_enabled(request.is_ok(), egui::Button::new(text))
+            let has_frames = !form.paths().is_empty();
+            let button = egui::Button::new(text).fill(ui.visuals().selection.bg_fill);
+            let button = ui.add_enabled(has_frames && !is_sent, button);
+            let button = button
                 .on_hover_text(tip)
-                .clicked()
-                && let Ok(request) = request
-            {
-                out.push(if new {
-                    Command::New(request)
-                } else {
-                    Command::AddFrames(request)
-                });
-                view.dialog = None;
-                view.new_project = NewProjectForm::default();
+                .on_disabled_hover_text("Choose images or a video first");
+            if (button.clicked() || is_entered) && has_frames && !is_sent {
+                form.stage = Stage::Waiting;
+                form.error = None;
             }
-            if ui
-                .button("Cancel")
-                .on_hover_text("Close the dialog (Esc)")
-                .clicked()
-            {
-                view.dialog = None;
-            }
+            let tip = if is_sent {
+                "Stop and keep the form"
+            } else {
+                "Close the dialog (Esc)"
+            };
+            cancelled = ui.button("Cancel").on_hover_text(tip).clicked();
         });
     });
-}
-
-/// Draws the rows of all sources, each with its depth folder.
-fn sources_ui(ui: &mut Ui, picker: &mut PathPicker, sources: &mut Vec<SourceForm>) {
-    let mut removed = None;
-    let several = sources.len() > 1;
-    for (index, source) in sources.iter_mut().enumerate() {
-        let number = if several {
-            format!(" {}", index + 1)
-        } else {
-            String::new()
-        };
-        ui.label(format!("Frames{number}"))
-            .on_hover_text("Folder of images, single image or video");
-        ui.horizontal(|ui| {
-            let name = format!("Frames folder or video{number}");
-            let field = PathField {
-                name: &name,
-                hint: "folder of images, or a video",
-                pick: Pick::Folder,
-                target: PickTarget::Frames(index),
-            };
-            path_field_ui(ui, picker, &field, &mut source.frames);
-            if several
-                && icon_button(
-                    ui,
-                    "×",
-                    &format!("Remove source{number}"),
-                    "Remove this source",
-                )
-                .clicked()
-            {
-                removed = Some(index);
-            }
-        });
-        ui.end_row();
-        ui.label(format!("Depth{number}"))
-            .on_hover_text("Folder of depth images that belong to these frames");
-        ui.horizontal(|ui| {
-            let name = format!("Depth folder{number}");
-            let field = PathField {
-                name: &name,
-                hint: "none",
-                pick: Pick::Folder,
-                target: PickTarget::Depth(index),
-            };
-            path_field_ui(ui, picker, &field, &mut source.depth);
-        });
-        ui.end_row();
-    }
-    if let Some(index) = removed {
-        sources.remove(index);
-    }
-    ui.label("");
-    if ui
-        .small_button("+ More frames")
-        .on_hover_text("Add another folder or video to this project")
-        .clicked()
+    if form.stage == Stage::Waiting
+        && let Some(survey) = survey
     {
-        sources.push(SourceForm::default());
+        match form.request(survey, new) {
+            Ok(request) if new => out.push(Command::New(request)),
+            Ok(request) => out.push(Command::AddFrames(request)),
+            // An error of the files is shown with them.
+            Err(error) => {
+                return form.resume(survey.error.is_none().then_some(error));
+            }
+        }
+        form.stage = Stage::Sent;
     }
-    ui.end_row();
+    if cancelled && is_sent {
+        out.push(Command::Stop);
+    } else if cancelled {
+        close(view);
+    }
 }

@@ -3,7 +3,9 @@ use std::path::PathBuf;
 use egui::{Context, Grid, Key, Ui};
 
 use super::export_form::{mask_format_name, mask_format_ui};
-use super::picker::{PathField, PathRequest, Pick, PickTarget, path_field_ui, typed_path};
+use super::picker::{
+    NO_CHOOSER, PathField, PathRequest, Pick, PickTarget, path_field_ui, typed_path,
+};
 use crate::ViewState;
 use crate::tooltips::{field, modal};
 use crate::view_state::RecipeTarget;
@@ -34,7 +36,13 @@ pub(crate) fn path_ui(ui: &Ui, view: &mut ViewState, request: PathRequest, out: 
             };
             let edit = path_field_ui(ui, &mut view.picker, &field, &mut view.path_text);
             done = edit.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
+            if view.path_text.is_empty() && ui.memory(|memory| memory.focused().is_none()) {
+                edit.request_focus();
+            }
         });
+        if view.picker.is_unavailable() {
+            ui.colored_label(ui.visuals().warn_fg_color, NO_CHOOSER);
+        }
         if request == PathRequest::ImportMasks {
             ui.add_space(8.0);
             ui.horizontal(|ui| {
@@ -200,18 +208,39 @@ pub(crate) fn relocate_ui(ui: &Ui, view: &mut ViewState, out: &mut Vec<Command>)
     }
 }
 
-/// Writes a path from the file chooser into the field that it was opened for.
-pub(crate) fn take_picked(ctx: &Context, view: &mut ViewState) {
-    if let Some((target, path)) = view.picker.poll(ctx) {
-        put_picked(view, target, path);
+/// Writes paths from the file chooser into the field that it was opened for.
+///
+/// A chosen project or point cloud is opened at once.
+pub(crate) fn take_picked(ctx: &Context, view: &mut ViewState, out: &mut Vec<Command>) {
+    let Some((target, paths)) = view.picker.poll(ctx) else {
+        return;
+    };
+    let first = paths.first().cloned().unwrap_or_default();
+    let command = match target {
+        PickTarget::Path(PathRequest::OpenProject) => Some(Command::Open(first)),
+        PickTarget::Path(PathRequest::InspectPly) => Some(Command::Inspect(first)),
+        _ => None,
+    };
+    if command.is_some() {
+        view.dialog = None;
+        out.extend(command);
+    } else {
+        put_picked(view, target, paths);
     }
 }
 
-fn put_picked(view: &mut ViewState, target: PickTarget, path: PathBuf) {
+/// Opens the file chooser of a dialog with a single path field, if the system has one.
+pub(crate) fn choose_path(view: &mut ViewState, request: PathRequest) {
+    let pick = texts(request).pick;
+    view.picker.ask_if_native(pick, PickTarget::Path(request));
+}
+
+fn put_picked(view: &mut ViewState, target: PickTarget, paths: Vec<PathBuf>) {
+    let path = paths.first().cloned().unwrap_or_default();
     let text = path.display().to_string();
     match target {
-        PickTarget::Frames(index) => view.new_project.set_frames(index, text),
-        PickTarget::Depth(index) => view.new_project.set_depth(index, text),
+        PickTarget::Frames => view.new_project.set_paths(paths),
+        PickTarget::Depth => view.new_project.depth = text,
         PickTarget::Cameras => view.new_project.cameras = text,
         PickTarget::DepthPose => view.new_project.depth_pose = text,
         PickTarget::Root => view.new_project.root = text,
@@ -247,7 +276,7 @@ mod tests {
         put_picked(
             &mut view,
             PickTarget::Path(PathRequest::SaveRecipe),
-            chosen.clone(),
+            vec![chosen.clone()],
         );
         assert!(may_replace(&view, &chosen) && !may_replace(&view, &typed));
         view.clear_path();
@@ -255,7 +284,7 @@ mod tests {
         put_picked(
             &mut view,
             PickTarget::Path(PathRequest::OpenProject),
-            chosen.clone(),
+            vec![chosen.clone()],
         );
         assert!(
             !may_replace(&view, &chosen),

@@ -3,26 +3,47 @@ use std::path::PathBuf;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Poll, Wake, Waker};
+use std::time::Instant;
 
 use egui::{Context, TextEdit, Ui};
 
+use ostra_frames::IMAGE_ENDINGS;
+
 /// Native file chooser that does not block the window.
 ///
-/// The path is taken when the answer arrives. On systems without a chooser, paths are typed.
+/// The paths are taken when the answer arrives. On systems without a chooser, paths are typed.
 #[derive(Default)]
 pub struct PathPicker {
-    inspected_point: Option<(PickTarget, Answer)>,
+    is_native: bool,
+    open: Option<OpenChooser>,
+    is_unavailable: bool,
 }
 
-type Answer = Pin<Box<dyn Future<Output = Option<PathBuf>>>>;
+struct OpenChooser {
+    target: PickTarget,
+    answer: Answer,
+    since: Instant,
+}
+
+type Answer = Pin<Box<dyn Future<Output = Option<Vec<PathBuf>>>>>;
+
+/// Text where no file chooser can be opened.
+pub(super) const NO_CHOOSER: &str =
+    "No file chooser on this system: type a path or drop files here";
+
+/// Time within which no person can close a chooser, in seconds.
+///
+/// An answer without a path within this time means that no chooser could be opened. The portal of
+/// Linux does not distinguish the two.
+const TOO_FAST_S: f32 = 0.6;
 
 /// Field that receives a chosen path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum PickTarget {
-    /// Frames of the n-th source.
-    Frames(usize),
-    /// Depth maps of the n-th source.
-    Depth(usize),
+    /// Frames of a new project.
+    Frames,
+    /// Depth maps of a new project.
+    Depth,
     /// Cameras of a new project.
     Cameras,
     /// Pose of a new project's depth camera.
@@ -50,49 +71,112 @@ pub(crate) enum PickTarget {
 pub(crate) enum Pick {
     /// Folder.
     Folder,
+    /// Folders, one or more.
+    Folders,
     /// Existing file.
     File,
+    /// Existing images and videos, one or more.
+    ImagesAndVideos,
     /// File to write.
     Save,
 }
 
-impl PathPicker {
-    /// Opens the chooser. The answer of one that is already open is discarded.
-    fn ask(&mut self, pick: Pick, target: PickTarget) {
-        let dialog = rfd::AsyncFileDialog::new();
-        let answer: Answer = match pick {
-            Pick::Folder => Box::pin(async {
-                dialog
-                    .pick_folder()
-                    .await
-                    .map(|file| file.path().to_owned())
-            }),
-            Pick::File => {
-                Box::pin(async { dialog.pick_file().await.map(|file| file.path().to_owned()) })
-            }
-            Pick::Save => {
-                Box::pin(async { dialog.save_file().await.map(|file| file.path().to_owned()) })
-            }
-        };
-        self.inspected_point = Some((target, answer));
-    }
+/// File extensions that most videos have.
+const VIDEO_ENDINGS: [&str; 10] = [
+    "mp4", "mov", "mkv", "avi", "webm", "m4v", "mts", "mpg", "mpeg", "wmv",
+];
 
-    /// Returns the chosen path, once. The window is repainted when the answer arrives.
-    pub(super) fn poll(&mut self, ctx: &Context) -> Option<(PickTarget, PathBuf)> {
-        let (target, answer) = self.inspected_point.as_mut()?;
-        let target = *target;
-        let waker = Waker::from(Arc::new(Repaint(ctx.clone())));
-        match answer
-            .as_mut()
-            .poll(&mut std::task::Context::from_waker(&waker))
-        {
-            Poll::Pending => None,
-            Poll::Ready(path) => {
-                self.inspected_point = None;
-                path.map(|path| (target, path))
-            }
+/// Returns the filters of the chooser of images and videos, as names with file extensions.
+fn filters() -> [(&'static str, Vec<&'static str>); 3] {
+    let videos = VIDEO_ENDINGS.to_vec();
+    let images = IMAGE_ENDINGS.to_vec();
+    let both = [images.as_slice(), videos.as_slice()].concat();
+    [
+        ("Images and videos", both),
+        ("Images", images),
+        ("Videos", videos),
+    ]
+}
+
+impl PathPicker {
+    /// Returns a picker that opens the chooser of the system.
+    ///
+    /// The default one opens none, which keeps tests from showing windows.
+    #[must_use]
+    pub fn native() -> Self {
+        Self {
+            is_native: true,
+            ..Self::default()
         }
     }
+
+    /// Returns whether the last chooser could not be opened.
+    pub(super) fn is_unavailable(&self) -> bool {
+        self.is_unavailable
+    }
+
+    /// Opens the chooser if the system has one, and shows nothing otherwise.
+    pub(crate) fn ask_if_native(&mut self, pick: Pick, target: PickTarget) {
+        if self.is_native {
+            self.ask(pick, target);
+        }
+    }
+
+    /// Opens the chooser. The answer of one that is already open is discarded.
+    pub(super) fn ask(&mut self, pick: Pick, target: PickTarget) {
+        self.is_unavailable = !self.is_native;
+        if self.is_native {
+            self.open = Some(OpenChooser {
+                target,
+                answer: answer(pick),
+                since: Instant::now(),
+            });
+        }
+    }
+
+    /// Returns the chosen paths, once. The window is repainted when the answer arrives.
+    pub(super) fn poll(&mut self, ctx: &Context) -> Option<(PickTarget, Vec<PathBuf>)> {
+        let open = self.open.as_mut()?;
+        let waker = Waker::from(Arc::new(Repaint(ctx.clone())));
+        let mut task = std::task::Context::from_waker(&waker);
+        let Poll::Ready(paths) = open.answer.as_mut().poll(&mut task) else {
+            return None;
+        };
+        let (target, since) = (open.target, open.since);
+        self.open = None;
+        let paths = paths.filter(|paths| !paths.is_empty());
+        self.is_unavailable = paths.is_none() && since.elapsed().as_secs_f32() < TOO_FAST_S;
+        Some((target, paths?))
+    }
+}
+
+/// Opens a chooser; `None` is the answer if it is cancelled or cannot be opened.
+fn answer(pick: Pick) -> Answer {
+    let dialog = rfd::AsyncFileDialog::new();
+    match pick {
+        Pick::Folder => Box::pin(async move { dialog.pick_folder().await.map(path_of) }),
+        Pick::Folders => Box::pin(async move { dialog.pick_folders().await.map(paths_of) }),
+        Pick::File => Box::pin(async move { dialog.pick_file().await.map(path_of) }),
+        Pick::ImagesAndVideos => {
+            let dialog = filters()
+                .into_iter()
+                .fold(dialog, |dialog, (name, endings)| {
+                    dialog.add_filter(name, &endings)
+                });
+            // Videos may have any ending.
+            let dialog = dialog.add_filter("All files", &["*"]);
+            Box::pin(async move { dialog.pick_files().await.map(paths_of) })
+        }
+        Pick::Save => Box::pin(async move { dialog.save_file().await.map(path_of) }),
+    }
+}
+
+fn path_of(file: rfd::FileHandle) -> Vec<PathBuf> {
+    vec![file.path().to_owned()]
+}
+
+fn paths_of(files: Vec<rfd::FileHandle>) -> Vec<PathBuf> {
+    files.iter().map(|file| file.path().to_owned()).collect()
 }
 
 /// Waker that repaints the window.
@@ -138,7 +222,12 @@ pub(crate) fn path_field_ui(
         .hint_text(field.hint)
         .desired_width(width);
     let edit = ui.add(edit).accessible_name(name);
-    let browse = ui.button("Browse…").on_hover_text("Open the file chooser");
+    let tip = if picker.is_unavailable {
+        NO_CHOOSER
+    } else {
+        "Open the file chooser"
+    };
+    let browse = ui.button("Browse…").on_hover_text(tip);
     if browse.accessible_name(format!("Browse {name}")).clicked() {
         picker.ask(field.pick, field.target);
     }

@@ -281,7 +281,7 @@ fn make_recording(scene: &Scene, out: &Path) -> Result<LabelledCloud> {
     Ok(cloud)
 }
 
-fn new_project(out: &Path, method: DemoMethod, views: &[SyntheticView]) -> NewProject {
+pub(super) fn new_project(out: &Path, method: DemoMethod, views: &[SyntheticView]) -> NewProject {
     let recording = out.join("recording");
     let given = |path: &str, given: bool| given.then(|| recording.join(path));
     let depth = given("depth", method != DemoMethod::Stereo);

@@ -55,6 +55,7 @@ pub fn open_more(
     };
     let mut listing = Listing {
         sensor: &sensor,
+        ignore_depth: request.ignore_depth,
         progress,
         warnings: Vec::new(),
     };

@@ -258,8 +258,13 @@ fn warn_of_problems(read: &[Read]) -> Option<String> {
         .collect();
     let images = (!images.is_empty()).then(|| {
         let (count, all) = (images.len(), read.len());
+        let shown = if count == 1 {
+            "is shown as a grey tile"
+        } else {
+            "are shown as grey tiles"
+        };
         format!(
-            "{count} of {all} images cannot be read and are shown as grey tiles: {}",
+            "{count} of {all} images cannot be read and {shown}: {}",
             reasons(&images)
         )
     });
@@ -295,7 +300,7 @@ fn warn_of_float_depth(read: &[Read], sensor: &Sensor) -> Option<String> {
     let count = read.iter().filter(|read| read.has_float_depth).count();
     (count > 0).then(|| {
         let unit = sensor.float_unit;
-        format!("{count} depths are floats: one unit is taken for {unit} m; if that is wrong, give --depth-unit")
+        format!("{count} depths are floats: one unit is taken for {unit} m; if that is wrong, give the depth unit (--depth-unit)")
     })
 }
 
@@ -310,7 +315,7 @@ fn warn_of_depth_as_images(read: &[Read]) -> Option<String> {
     }
     let (count, names) = (grey.len(), some_names(&grey));
     Some(format!(
-        "{count} frames are grey images of 16 bits ({names}); if they are depth, give them with --depth"
+        "{count} frames are grey images of 16 bits ({names}); if they are depth, give their folder as depth (--depth)"
     ))
 }
 

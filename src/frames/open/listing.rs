@@ -10,8 +10,7 @@ use crate::{FrameError, ImageSource};
 use ostra_core::disk;
 
 /// File extensions of images, in lower case.
-pub(super) const IMAGE_ENDINGS: [&str; 8] =
-    ["jpg", "jpeg", "png", "tif", "tiff", "webp", "jfif", "jpe"];
+pub const IMAGE_ENDINGS: [&str; 8] = ["jpg", "jpeg", "png", "tif", "tiff", "webp", "jfif", "jpe"];
 
 /// File extensions of unsupported images, in lower case.
 ///

@@ -1,6 +1,7 @@
 //! Opening of sources (folders, images, videos, depth) as frames in project order.
 
 mod assemble;
+mod companions;
 mod headers;
 mod listing;
 mod pairing;
@@ -8,5 +9,6 @@ mod request;
 mod source;
 
 pub use assemble::{open, open_more};
-pub use listing::natural_order;
+pub use companions::Companions;
+pub use listing::{IMAGE_ENDINGS, natural_order};
 pub use request::{FrameFolder, OpenRequest, Opened};

@@ -199,8 +199,8 @@ pub(super) fn with_depth(items: Vec<Item>, depths: &[Listed], pairs: &DepthPairs
 pub(super) fn warn_of_tum_unit(images: &[Listed], depth_unit: f64) -> Option<String> {
     let usual = depth_unit.to_bits() == OpenRequest::default().depth_unit.to_bits();
     (usual && times_of(&names(images)).is_some()).then(|| {
-        "the names are times, as in TUM recordings, whose depth has 5000 steps a metre: give --depth-unit 0.0002 if this \
-         is one (now 0.001)"
+        "the names are times, as in TUM recordings, whose depth has 5000 steps a metre: if this is one, the depth unit is \
+         0.0002, not 0.001 (--depth-unit 0.0002)"
             .into()
     })
 }

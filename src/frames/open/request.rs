@@ -20,6 +20,9 @@ pub struct OpenRequest {
     ///
     /// `None` = depth and image correspond pixel for pixel.
     pub depth_camera: Option<DepthCameraSource>,
+    /// Whether depth that is found among the images of a folder is left out.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub ignore_depth: bool,
     /// Takes every `every`-th source frame; ≥ 1.
     pub every: usize,
     /// Index of the first source frame to take, counted from 0 over all sources; `None` = 0.
@@ -35,9 +38,25 @@ impl Default for OpenRequest {
             depth_unit: 0.001,
             float_depth_unit: 1.0,
             depth_camera: None,
+            ignore_depth: false,
             every: 1,
             from: None,
             to: None,
+        }
+    }
+}
+
+impl OpenRequest {
+    /// Returns the unit of floating-point depth for a given unit of integer depth.
+    ///
+    /// Floating-point depth is in metres unless the unit differs from the default for integers.
+    #[must_use]
+    pub fn float_unit_for(depth_unit: f64) -> f64 {
+        let default = Self::default();
+        if depth_unit.to_bits() == default.depth_unit.to_bits() {
+            default.float_depth_unit
+        } else {
+            depth_unit
         }
     }
 }

@@ -38,6 +38,8 @@ pub(super) enum SourceKind {
 /// Inputs of listing besides the source, and its reports.
 pub(super) struct Listing<'a> {
     pub sensor: &'a Sensor,
+    /// Whether depth that is found among the images is left out.
+    pub ignore_depth: bool,
     pub progress: &'a Progress,
     pub warnings: Vec<String>,
 }
@@ -205,10 +207,10 @@ fn one_file(path: &Path) -> Listed {
 }
 
 /// Folder names of the colour images of an RGB-D recording, most likely first.
-const COLOR_FOLDERS: [&str; 5] = ["color", "colour", "rgb", "image", "images"];
+pub(super) const COLOR_FOLDERS: [&str; 5] = ["color", "colour", "rgb", "image", "images"];
 
 /// Folder names of its depth images.
-const DEPTH_FOLDERS: [&str; 2] = ["depth", "depths"];
+pub(super) const DEPTH_FOLDERS: [&str; 2] = ["depth", "depths"];
 
 /// One RGB-D recording among the listed images.
 ///
@@ -353,7 +355,7 @@ fn is_below(name: &str, folder: &str) -> bool {
 impl Recording {
     fn items(self, listing: &mut Listing) -> Result<Vec<Item>, FrameError> {
         let items: Vec<Item> = self.images.iter().cloned().map(without_depth).collect();
-        if self.depths.is_empty() {
+        if self.depths.is_empty() || listing.ignore_depth {
             return Ok(items);
         }
         let pairs = pair(
@@ -383,7 +385,7 @@ impl Recording {
         let paired = pairs.count();
         listing.warnings.push(format!(
             "{place}: taken for an RGB-D recording: {paired} of {count} images have depth{left_out}; if that is wrong, \
-             name its folders with --frames and --depth"
+             give its folders separately (--frames, --depth)"
         ));
         listing
             .warnings

@@ -1,5 +1,6 @@
 use std::collections::BTreeSet;
 use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::{Context, Result};
 
@@ -8,9 +9,10 @@ use super::history_file::{self, Past};
 use super::journal::{ReadRecords, read_records};
 use super::manifest::{self, Manifest};
 use super::mask_files::{self, ReadMasks, Runs};
-use super::{Act, JournalRecord, source_paths};
+use super::{Act, JournalRecord, contained, source_paths};
 use crate::{Edit, History, Project};
 use ostra_core::job::Progress;
+use ostra_frames::Frame;
 
 /// The content of a project's files. Reading them changes nothing.
 pub struct StoredState {
@@ -108,6 +110,23 @@ pub fn state(root: &Path, progress: &Progress) -> Result<StoredState> {
         damages,
         warnings,
     })
+}
+
+/// Reads the frames of a project as of its last checkpoint, to show what the folder holds.
+///
+/// Nothing is written, and no lock is taken.
+///
+/// # Errors
+///
+/// Returns an error if the folder holds no project that this program can read.
+pub fn read_frames(root: &Path) -> Result<Arc<Vec<Frame>>> {
+    manifest::check_format(root)?;
+    contained::check(root)?;
+    let manifest = manifest::read(root)?;
+    let former = manifest.folder.clone();
+    let mut project = base(root, manifest)?;
+    source_paths::find_moved(&mut project, former.as_deref(), root);
+    Ok(project.frames)
 }
 
 /// Returns the project of `project.toml`, without masks.

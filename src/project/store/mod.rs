@@ -27,6 +27,7 @@ pub use depth_folder::{DepthFolder, DepthRunRecord, depth_map_path};
 pub use durable::{replace, sync_folder};
 pub use folder::{Folder, Loaded};
 pub use journal::{Act, JournalRecord};
+pub use load::read_frames;
 pub use lock::{Lock, LockError};
 pub use source_paths::joined;
 pub use sparse_model::{

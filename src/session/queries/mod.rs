@@ -11,6 +11,7 @@ mod prompt_preview;
 mod selection;
 mod sparse;
 mod surface;
+mod survey;
 mod traits;
 mod vote_mismatch;
 
@@ -26,6 +27,8 @@ pub use sparse::SparseReconstruction;
 pub(crate) use sparse::{SparseKey, load_sparse_model};
 pub use surface::SurfaceKind;
 pub(crate) use surface::{MeshKey, SurfaceKey, load_mesh, make_surface};
+pub(crate) use survey::survey_frames;
+pub use survey::{FoundCameras, FoundDepth, Survey, SurveyRequest};
 pub use traits::MeasureSettings;
 pub(crate) use traits::{MeasuredCloud, TraitsKey, measure_traits, under};
 pub(crate) use vote_mismatch::{VoteMismatchKey, find_vote_mismatch, mask_by_vote, without_depth};
