@@ -143,8 +143,12 @@ impl Desk {
     }
 
     pub fn shown_by(self, builder: HarnessBuilder<Self>) -> Harness<'static, Self> {
+        self.shown_at(builder, Vec2::new(1400.0, 900.0))
+    }
+
+    pub fn shown_at(self, builder: HarnessBuilder<Self>, size: Vec2) -> Harness<'static, Self> {
         let mut harness = builder
-            .with_size(Vec2::new(1400.0, 900.0))
+            .with_size(size)
             .build_ui_state(|ui, desk: &mut Self| desk.ui(ui), self);
         harness.run_steps(4);
         harness
@@ -268,7 +272,9 @@ pub fn open_step(harness: &mut Harness<'_, Desk>, step: Step) {
         Step::Cloud => "Cloud: ",
         Step::Measure => "Measure & export: ",
     };
-    harness.get_by_label_contains(title).click();
+    // A tooltip may repeat the text of the header.
+    let header = harness.get_all_by_label_contains(title).next();
+    header.unwrap().click();
     harness.run_steps(3);
     assert_eq!(harness.state().shell.view.steps.open, Some(step));
 }
