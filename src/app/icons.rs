@@ -38,7 +38,7 @@ pub(super) enum Icon {
 /// Size of an icon button in points.
 pub(super) const ICON_SIZE: Vec2 = Vec2::new(26.0, 22.0);
 
-/// How an icon button looks and what it tells.
+/// How an icon button looks and what it is called.
 #[derive(Clone, Copy)]
 pub(super) struct IconButton<'a> {
     pub icon: Icon,
