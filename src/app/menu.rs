@@ -98,6 +98,9 @@ pub(super) fn is_possible(action: Action, session: &SessionView<'_>, view: &View
             .any(|frame| frame.posed_camera().is_some()),
         A::SetScale => view.ruler.command().is_some(),
         A::Reconstruct | A::Fit | A::ActualSize | A::NextUncertain => session.has_frames(),
+        A::TogglePanels | A::SwapPanes | A::StackPanes | A::MovePanel => {
+            session.has_frames() || session.inspected.is_some()
+        }
         A::PreviousFrame
         | A::NextFrame
         | A::Back10

@@ -248,7 +248,7 @@ fn look_differently(action: Action, ctx: &Context, view: &mut ViewState) {
         Action::ShowBoth => view.prefs.panes = Panes::Both,
         Action::ShowImage => view.prefs.panes = Panes::Image,
         Action::ShowScene => view.prefs.panes = Panes::Scene,
-        Action::TogglePanels => view.prefs.is_bare = !view.prefs.is_bare,
+        Action::TogglePanels => toggle_panels(view),
         Action::MovePanel => view.prefs.panel_on_left = !view.prefs.panel_on_left,
         Action::SwapPanes => view.prefs.arrangement.swap(),
         Action::StackPanes => view.prefs.arrangement.turn(),
@@ -263,6 +263,13 @@ fn look_differently(action: Action, ctx: &Context, view: &mut ViewState) {
         }
         Action::ToggleTurntable => view.scene.turning = !view.scene.turning,
         _ => {}
+    }
+}
+
+fn toggle_panels(view: &mut ViewState) {
+    view.steps.is_bare = !view.steps.is_bare;
+    if view.steps.is_bare {
+        view.note = "Panels are hidden; View › Hide panels shows them again".into();
     }
 }
 

@@ -17,8 +17,6 @@ pub struct Prefs {
     pub arrangement: Arrangement,
     /// Whether the side panel is at the left.
     pub panel_on_left: bool,
-    /// Whether side panel, timeline and filmstrip are hidden.
-    pub is_bare: bool,
     /// Opacity of masks, 0–1.
     pub opacity: f32,
     /// Whether labels are outlined.
@@ -59,7 +57,6 @@ impl Default for Prefs {
             panes: Panes::default(),
             arrangement: Arrangement::default(),
             panel_on_left: false,
-            is_bare: false,
             opacity: style.opacity,
             outlines: style.outlines,
             brush_px: 12.0,

@@ -9,7 +9,7 @@ use super::dialogs::{
     relocate_ui, sheet_ui, take_picked,
 };
 use super::leave::{Leaving, leaving_ui, waiting_ui};
-use super::menu::menu_bar_ui;
+use super::menu::{is_possible, menu_bar_ui};
 use super::notices::notices_ui;
 use super::panels::{
     FILMSTRIP_HEIGHT, HEAT_HEIGHT, ROW, ScenePane, cloud_labels_ui, filmstrip_ui, heat_ui,
@@ -28,7 +28,7 @@ const NARROW: f32 = 1000.0;
 /// Width of the side panel in a window of common size.
 const SIDE_WIDTH: f32 = 232.0;
 /// Rows of the timeline that are visible without scrolling.
-const TIMELINE_ROWS: f32 = 3.0;
+const TIMELINE_ROWS: f32 = 2.5;
 
 /// Everything that is drawn, without the session behind it: a view in, commands out.
 pub struct Shell {
@@ -105,7 +105,7 @@ impl Shell {
         if !self.leaving.is_asking() {
             requests
                 .actions
-                .extend(pressed(ui.ctx(), &self.view, self.took_keys));
+                .extend(pressed(ui.ctx(), session, &self.view, self.took_keys));
         }
         self.bars_ui(ui, session, &mut requests);
         let fill = ui.visuals().panel_fill;
@@ -163,7 +163,7 @@ impl Shell {
         if session.has_frames() || session.inspected.is_some() {
             self.side_panel_ui(ui, session, requests);
         }
-        if session.has_frames() && !self.view.prefs.is_bare {
+        if session.has_frames() && !self.view.steps.is_bare {
             self.strips_ui(ui, session, requests);
         }
     }
@@ -203,7 +203,7 @@ impl Shell {
     /// Draws labels and steps at the side, or a strip of the steps in a narrow window.
     fn side_panel_ui(&mut self, ui: &mut Ui, session: &SessionView<'_>, requests: &mut Requests) {
         let window = ui.ctx().content_rect().width();
-        let is_open = !self.view.prefs.is_bare;
+        let is_open = !self.view.steps.is_bare;
         let is_strip = window < NARROW && !self.view.steps.is_expanded;
         self.view.steps.is_docked = is_open && !is_strip;
         if !is_open {
@@ -233,7 +233,12 @@ impl Shell {
             .default_size((window * 0.18).clamp(SIDE_WIDTH, 320.0))
             .size_range(180.0..=460.0)
             .show(ui, |ui| {
-                self.side_content_ui(ui, session, requests, window < NARROW);
+                // A setting that is too wide is cut off; it must not widen the panel.
+                let rect = ui.available_rect_before_wrap();
+                ui.advance_cursor_after_rect(rect);
+                let mut inner = ui.new_child(egui::UiBuilder::new().max_rect(rect));
+                inner.set_clip_rect(rect.expand(4.0).intersect(ui.clip_rect()));
+                self.side_content_ui(&mut inner, session, requests, window < NARROW);
             });
     }
 
@@ -308,7 +313,12 @@ impl Shell {
 ///
 /// Esc closes a menu or leaves a text field before this code runs. If one had focus when the window
 /// was last drawn, that Esc must not cancel anything else.
-fn pressed(ctx: &Context, view: &ViewState, took_keys: bool) -> Vec<Action> {
+fn pressed(
+    ctx: &Context,
+    session: &SessionView<'_>,
+    view: &ViewState,
+    took_keys: bool,
+) -> Vec<Action> {
     if view.dialog.is_some() || takes_keys(ctx) {
         return Vec::new();
     }
@@ -322,8 +332,9 @@ fn pressed(ctx: &Context, view: &ViewState, took_keys: bool) -> Vec<Action> {
                 }
             )
     };
-    // Tab goes from control to control once one has the keyboard.
-    let is_travelling = ctx.memory(|memory| memory.focused().is_some());
+    // Tab goes from control to control once one has the keyboard, and where no panel can be hidden.
+    let is_travelling = ctx.memory(|memory| memory.focused().is_some())
+        || !is_possible(Action::TogglePanels, session, view);
     let action = |event: &Event| {
         let is_tab = matches!(event, Event::Key { key: Key::Tab, .. });
         view.prefs

@@ -11,6 +11,8 @@ pub struct StepsState {
     recommended: Option<Step>,
     /// Whether the user opened a step other than the recommended one, or closed it.
     is_chosen: bool,
+    /// Whether side panel, timeline and filmstrip are hidden.
+    pub is_bare: bool,
     /// Whether a click in a narrow window expanded the panel.
     pub is_expanded: bool,
     /// Whether the panel is shown, so that inspector and selection are in it.

@@ -160,8 +160,13 @@ impl Desk {
     }
 
     pub fn shown_by(self, builder: HarnessBuilder<Self>) -> Harness<'static, Self> {
+        let size = self.size;
+        self.shown_at(builder, size)
+    }
+
+    pub fn shown_at(self, builder: HarnessBuilder<Self>, size: Vec2) -> Harness<'static, Self> {
         let mut harness = builder
-            .with_size(self.size)
+            .with_size(size)
             .build_ui_state(|ui, desk: &mut Self| desk.ui(ui), self);
         if harness.state().dragged {
             let hovered = &mut harness.input_mut().hovered_files;
@@ -289,7 +294,9 @@ pub fn open_step(harness: &mut Harness<'_, Desk>, step: Step) {
         Step::Cloud => "Cloud: ",
         Step::Measure => "Measure & export: ",
     };
-    harness.get_by_label_contains(title).click();
+    // A tooltip may repeat the text of the header.
+    let header = harness.get_all_by_label_contains(title).next();
+    header.unwrap().click();
     harness.run_steps(3);
     assert_eq!(harness.state().shell.view.steps.open, Some(step));
 }

@@ -187,8 +187,7 @@ fn show(
         builder = builder.renderer(WgpuTestRenderer::from_render_state(gpu));
     }
     change(&mut desk);
-    let mut harness = desk.shown_by(builder);
-    harness.set_size(size);
+    let mut harness = desk.shown_at(builder, size);
     for _ in 0..if keep.is_some() { 80 } else { 6 } {
         harness.run_steps(1);
         std::thread::park_timeout(std::time::Duration::from_millis(10));

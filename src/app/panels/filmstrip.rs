@@ -6,7 +6,7 @@ use crate::textures::Textures;
 use crate::{SessionView, ViewState};
 use ostra_project::{FrameMask, MaskOrigin};
 
-const TILE: Vec2 = Vec2::new(92.0, 60.0);
+const TILE: Vec2 = Vec2::new(90.0, 58.0);
 /// Height of the filmstrip in points, with its scroll bar.
 pub(crate) const FILMSTRIP_HEIGHT: f32 = TILE.y + 12.0;
 const GAP: f32 = 4.0;
