@@ -30,8 +30,9 @@ pub(super) fn primary_button(ui: &mut Ui, text: &str, tip: &str, enabled: bool) 
     } else {
         Button::new(text)
     };
-    let button = button.min_size(egui::vec2(ui.available_width(), 26.0));
-    ui.add_enabled(enabled, button)
+    let size = egui::vec2(ui.available_width(), 26.0);
+    ui.add_enabled_ui(enabled, |ui| ui.add_sized(size, button))
+        .inner
         .on_hover_text(tip)
         .on_disabled_hover_text(tip)
 }

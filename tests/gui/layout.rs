@@ -25,7 +25,8 @@ const STEPS: [Step; 5] = [
 ];
 
 fn at_size(desk: Desk, size: Vec2) -> Harness<'static, Desk> {
-    desk.shown_at(Harness::builder(), size)
+    // The harness keeps 8 points free around the window, which eframe does not.
+    desk.shown_at(Harness::builder(), size + Vec2::splat(16.0))
 }
 
 fn rect(harness: &Harness<'_, Desk>, name: &str) -> Rect {

@@ -32,16 +32,16 @@ const ITEMS: [(Item, f32); 20] = [
     (Item::Tool(Tool::Polygon), ICON),
     (Item::Tool(Tool::Border), ICON),
     (Item::Tool(Tool::Stem), ICON),
-    (Item::Gap, 10.0),
-    (Item::BrushRadius, 64.0),
-    (Item::Gap, 10.0),
+    (Item::Gap, 6.0),
+    (Item::BrushRadius, 56.0),
+    (Item::Gap, 6.0),
     (Item::View(Action::Fit), ICON),
     (Item::View(Action::ActualSize), ICON),
-    (Item::Zoom, 44.0),
-    (Item::Layer, 96.0),
+    (Item::Zoom, 40.0),
     (Item::Masks, ICON),
-    (Item::Opacity, 60.0),
     (Item::Outlines, ICON),
+    (Item::Layer, 82.0),
+    (Item::Opacity, 60.0),
     (Item::Snap, IN_MENU),
     (Item::Clean(Action::FillHoles), IN_MENU),
     (Item::Clean(Action::RemoveIslands), IN_MENU),
@@ -81,7 +81,7 @@ pub(super) fn toolbar_ui(
         }
         Slot::Row(Item::Zoom) | Slot::Menu(Item::Zoom) => {
             let text = egui::RichText::new(format!("{zoom_percent:.0} %")).weak();
-            ui.add_sized([42.0, 18.0], egui::Label::new(text))
+            ui.add_sized([38.0, 18.0], egui::Label::new(text))
                 .on_hover_text("Zoom: wheel over the image; middle drag or Space+drag moves it");
         }
         Slot::Row(item) => item_ui(ui, view, item, false, actions),
@@ -99,7 +99,7 @@ fn item_ui(
 ) {
     match item {
         Item::Gap if in_menu => drop(ui.separator()),
-        Item::Gap => ui.add_space(6.0),
+        Item::Gap => ui.add_space(4.0),
         Item::Tool(tool) => tool_ui(ui, view, tool, in_menu),
         Item::BrushRadius => radius_ui(ui, view),
         Item::View(action) => {
@@ -159,7 +159,7 @@ fn radius_ui(ui: &mut Ui, view: &mut ViewState) {
         .suffix(" px")
         .max_decimals(1);
     let tip = "Radius of the brush (Shift+wheel over the image)";
-    ui.spacing_mut().interact_size.x = 60.0;
+    ui.spacing_mut().interact_size.x = 54.0;
     ui.add_enabled(brush, size)
         .on_hover_text(tip)
         .on_disabled_hover_text(format!("{tip}; choose the brush or eraser first"))
@@ -224,7 +224,7 @@ fn layer_ui(ui: &mut Ui, view: &mut ViewState) {
     let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::NextLayer);
     let choice = ComboBox::from_id_salt("layer")
         .selected_text(view.layer.text())
-        .width(92.0)
+        .width(78.0)
         .show_ui(ui, |ui| {
             for layer in Layer::ALL {
                 ui.selectable_value(&mut view.layer, layer, layer.text());

@@ -146,15 +146,7 @@ pub(crate) fn suggestions_ui(
         .filter(|(_, one)| !is_explained(session, one))
     {
         ui.horizontal(|ui| {
-            let show = ui
-                .link(format!("{number}  {}", suggestion.text()))
-                .on_hover_text("Go to the frame, which shows a box with this number");
-            if show
-                .accessible_name(format!("Suggestion {number}"))
-                .clicked()
-            {
-                view.go_to(suggestion.frame);
-            }
+            // The button comes first, because the text may be cut off in a narrow panel.
             let add = ui
                 .small_button("Add")
                 .on_hover_text("Create a label on that frame; track it from there");
@@ -166,6 +158,15 @@ pub(crate) fn suggestions_ui(
                 add_label(session, view, &mut requests.commands);
                 let prompt = suggestion.prompt(id, view.segmenter);
                 requests.commands.push(Command::Prompt(prompt));
+                view.go_to(suggestion.frame);
+            }
+            let show = ui
+                .link(format!("{number}  {}", suggestion.text()))
+                .on_hover_text("Go to the frame, which shows a box with this number");
+            if show
+                .accessible_name(format!("Suggestion {number}"))
+                .clicked()
+            {
                 view.go_to(suggestion.frame);
             }
         });

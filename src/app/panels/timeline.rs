@@ -28,6 +28,7 @@ pub(crate) fn timeline_ui(
     let frames = frames_in_sight(ui, session, view);
     ScrollArea::vertical()
         .id_salt("timeline")
+        .min_scrolled_height(0.0)
         .auto_shrink([false, false])
         .show(ui, |ui| {
             ui.spacing_mut().item_spacing.y = 1.0;
