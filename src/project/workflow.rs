@@ -5,9 +5,9 @@ use std::ops::RangeInclusive;
 use crate::{MaskOrigin, Project, ResultKind};
 use ostra_frames::{Frame, ImageSource};
 
-/// Step of the way from frames to measures.
+/// WorkflowStep of the way from frames to measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Step {
+pub enum WorkflowStep {
     /// Marks objects on some frames.
     Label,
     /// Carries the masks to the other frames.
@@ -37,7 +37,7 @@ pub enum StepState {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StepStatus {
     /// The step.
-    pub step: Step,
+    pub step: WorkflowStep,
     /// Its state. The recommended step may be [`StepState::Stale`].
     pub state: StepState,
     /// What is there, in a few words.
@@ -58,14 +58,14 @@ pub struct WorkflowInput {
 pub struct Workflow {
     /// The steps with their states.
     pub steps: [StepStatus; 5],
-    /// Step to do next.
-    pub next: Step,
+    /// WorkflowStep to do next.
+    pub next: WorkflowStep,
 }
 
 impl Workflow {
     /// Returns the state of a step.
     #[must_use]
-    pub fn of(&self, step: Step) -> Option<&StepStatus> {
+    pub fn of(&self, step: WorkflowStep) -> Option<&StepStatus> {
         self.steps.iter().find(|status| status.step == step)
     }
 }
@@ -81,7 +81,7 @@ pub fn workflow(project: &Project, input: &WorkflowInput) -> Workflow {
     let geometry = geometry_status(project);
     let cloud = cloud_status(project, input);
     let measure = StepStatus {
-        step: Step::Measure,
+        step: WorkflowStep::Measure,
         state: StepState::Open,
         text: match cloud.state {
             StepState::Done => "ready",
@@ -99,11 +99,11 @@ pub fn workflow(project: &Project, input: &WorkflowInput) -> Workflow {
     let unfinished = steps
         .iter()
         .find(|status| status.state != StepState::Done)
-        .map_or(Step::Measure, |status| status.step);
+        .map_or(WorkflowStep::Measure, |status| status.step);
     // Who fuses without tracking every frame is not sent back.
     let next = match unfinished {
-        Step::Label => Step::Label,
-        _ if is_cloud_done => Step::Measure,
+        WorkflowStep::Label => WorkflowStep::Label,
+        _ if is_cloud_done => WorkflowStep::Measure,
         step => step,
     };
     for status in &mut steps {
@@ -140,7 +140,7 @@ fn label_status(project: &Project) -> StepStatus {
         (StepState::Open, "nothing marked".into())
     };
     StepStatus {
-        step: Step::Label,
+        step: WorkflowStep::Label,
         state,
         text,
     }
@@ -171,7 +171,7 @@ fn track_status(project: &Project, input: &WorkflowInput) -> StepStatus {
         (StepState::Open, format!("{there} of {count} frames"))
     };
     StepStatus {
-        step: Step::Track,
+        step: WorkflowStep::Track,
         state,
         text,
     }
@@ -200,7 +200,7 @@ fn geometry_status(project: &Project) -> StepStatus {
         (false, _) => (StepState::Open, "none yet".into()),
     };
     StepStatus {
-        step: Step::Geometry,
+        step: WorkflowStep::Geometry,
         state,
         text,
     }
@@ -215,7 +215,7 @@ fn cloud_status(project: &Project, input: &WorkflowInput) -> StepStatus {
         None => (StepState::Open, "not fused"),
     };
     StepStatus {
-        step: Step::Cloud,
+        step: WorkflowStep::Cloud,
         state,
         text: text.into(),
     }
@@ -262,11 +262,11 @@ mod tests {
         workflow(project, &input)
     }
 
-    fn order(flow: &Workflow) -> [Step; 5] {
+    fn order(flow: &Workflow) -> [WorkflowStep; 5] {
         flow.steps.each_ref().map(|status| status.step)
     }
 
-    fn state(flow: &Workflow, step: Step) -> StepState {
+    fn state(flow: &Workflow, step: WorkflowStep) -> StepState {
         flow.of(step).unwrap().state
     }
 
@@ -288,7 +288,7 @@ mod tests {
 
     #[test]
     fn photos_get_cameras_before_tracking_and_videos_after_it() {
-        use Step as S;
+        use WorkflowStep as S;
         let mut project = photos(3);
         assert_eq!(
             order(&flow(&project)),
@@ -317,33 +317,39 @@ mod tests {
     #[test]
     fn rgbd_recording_with_cameras_needs_no_reconstruction() {
         let mut project = with_geometry(photos(2));
-        assert_eq!(state(&flow(&project), Step::Geometry), StepState::Done);
+        assert_eq!(
+            state(&flow(&project), WorkflowStep::Geometry),
+            StepState::Done
+        );
         project.masks.insert(0, keyframe([0, 1, 0]));
-        assert_eq!(flow(&project).next, Step::Track);
+        assert_eq!(flow(&project).next, WorkflowStep::Track);
         let stale = ResultRecord {
             stale: true,
             ..ResultRecord::default()
         };
         project.results.insert(ResultKind::Depths, stale);
-        assert_eq!(state(&flow(&project), Step::Geometry), StepState::Stale);
-        assert_eq!(flow(&project).next, Step::Geometry);
+        assert_eq!(
+            state(&flow(&project), WorkflowStep::Geometry),
+            StepState::Stale
+        );
+        assert_eq!(flow(&project).next, WorkflowStep::Geometry);
     }
 
     #[test]
     fn tracking_is_done_when_every_frame_of_the_range_has_a_fresh_mask() {
         let mut project = with_geometry(photos(4));
         tracked(&mut project, false);
-        assert_eq!(state(&flow(&project), Step::Track), StepState::Done);
+        assert_eq!(state(&flow(&project), WorkflowStep::Track), StepState::Done);
         project.masks.get_mut(&2).unwrap().stale = true;
         let stale = flow(&project);
-        let status = stale.of(Step::Track).unwrap();
+        let status = stale.of(WorkflowStep::Track).unwrap();
         assert_eq!(
             (status.state, status.text.as_str(), stale.next),
-            (StepState::Stale, "1 frame to redo", Step::Track)
+            (StepState::Stale, "1 frame to redo", WorkflowStep::Track)
         );
         project.masks.remove(&2);
         let part = flow(&project);
-        let status = part.of(Step::Track).unwrap();
+        let status = part.of(WorkflowStep::Track).unwrap();
         assert_eq!(
             (status.state, status.text.as_str()),
             (StepState::Next, "3 of 4 frames")
@@ -353,23 +359,33 @@ mod tests {
             range: 0..=1,
         };
         let part = workflow(&project, &input);
-        assert_eq!(state(&part, Step::Track), StepState::Done);
-        assert_eq!(part.next, Step::Cloud);
+        assert_eq!(state(&part, WorkflowStep::Track), StepState::Done);
+        assert_eq!(part.next, WorkflowStep::Cloud);
     }
 
     #[test]
     fn measuring_is_next_with_a_fresh_cloud_only() {
         let mut project = with_geometry(photos(2));
         tracked(&mut project, false);
-        assert_eq!(flow(&project).next, Step::Cloud);
+        assert_eq!(flow(&project).next, WorkflowStep::Cloud);
         fused(&mut project, false);
-        assert_eq!(flow(&project).next, Step::Measure);
-        assert_eq!(state(&flow(&project), Step::Measure), StepState::Next);
+        assert_eq!(flow(&project).next, WorkflowStep::Measure);
+        assert_eq!(
+            state(&flow(&project), WorkflowStep::Measure),
+            StepState::Next
+        );
         project.masks.remove(&1);
-        assert_eq!(flow(&project).next, Step::Measure, "fused on purpose");
+        assert_eq!(
+            flow(&project).next,
+            WorkflowStep::Measure,
+            "fused on purpose"
+        );
         fused(&mut project, true);
         tracked(&mut project, false);
-        assert_eq!(state(&flow(&project), Step::Cloud), StepState::Stale);
-        assert_eq!(flow(&project).next, Step::Cloud);
+        assert_eq!(
+            state(&flow(&project), WorkflowStep::Cloud),
+            StepState::Stale
+        );
+        assert_eq!(flow(&project).next, WorkflowStep::Cloud);
     }
 }

@@ -7,7 +7,7 @@ use egui_kittest::kittest::Queryable;
 use ostra_app::InspectedPoint;
 use ostra_cloud::conflicts::FrameConflict;
 use ostra_masks::LabelId;
-use ostra_project::workflow::Step;
+use ostra_project::workflow::WorkflowStep;
 use ostra_session::Command;
 
 use crate::desk::{Desk, open_step};
@@ -21,7 +21,7 @@ fn worst_masks_are_listed_and_the_vote_can_be_accepted() {
     };
     desk.conflicts = BTreeMap::from([(2, conflict(400)), (5, conflict(3)), (7, conflict(120))]);
     let mut harness = desk.shown();
-    open_step(&mut harness, Step::Cloud);
+    open_step(&mut harness, WorkflowStep::Cloud);
     assert!(
         harness.query_by_label(" 0.3 %  frame 5").is_none(),
         "noise at borders is not listed"

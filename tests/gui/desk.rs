@@ -18,7 +18,7 @@ use ostra_compute::nn::ModelStatus;
 use ostra_frames::{Frame, FrameCamera, Image, ImageSource, Orientation};
 use ostra_geometry::{Camera, Pose};
 use ostra_masks::{Label, LabelId, LabelMask, LabelTree, RunMask};
-use ostra_project::workflow::Step;
+use ostra_project::workflow::WorkflowStep;
 use ostra_project::{FrameMask, MaskOrigin, Project};
 use ostra_session::JobView;
 use ostra_session::{
@@ -283,16 +283,16 @@ pub fn press(harness: &mut Harness<'_, Desk>, modifiers: egui::Modifiers, key: e
 }
 
 /// Opens a step of the side panel.
-pub fn open_step(harness: &mut Harness<'_, Desk>, step: Step) {
+pub fn open_step(harness: &mut Harness<'_, Desk>, step: WorkflowStep) {
     if harness.state().shell.view.steps.open == Some(step) {
         return;
     }
     let title = match step {
-        Step::Label => "Label: ",
-        Step::Track => "Track: ",
-        Step::Geometry => "Cameras & depth: ",
-        Step::Cloud => "Cloud: ",
-        Step::Measure => "Measure & export: ",
+        WorkflowStep::Label => "Label: ",
+        WorkflowStep::Track => "Track: ",
+        WorkflowStep::Geometry => "Cameras & depth: ",
+        WorkflowStep::Cloud => "Cloud: ",
+        WorkflowStep::Measure => "Measure & export: ",
     };
     // A tooltip may repeat the text of the header.
     let header = harness.get_all_by_label_contains(title).next();
@@ -302,7 +302,7 @@ pub fn open_step(harness: &mut Harness<'_, Desk>, step: Step) {
 }
 
 /// Opens a step of the side panel with its advanced settings.
-pub fn open_advanced(harness: &mut Harness<'_, Desk>, step: Step) {
+pub fn open_advanced(harness: &mut Harness<'_, Desk>, step: WorkflowStep) {
     open_step(harness, step);
     harness.get_by_label("Advanced").click();
     harness.run_steps(30);

@@ -183,6 +183,11 @@ fn help_pages_open_from_the_menu() {
     ] {
         harness.get_all_by_label("Help").next().unwrap().click();
         harness.run_steps(3);
+        assert!(
+            harness.query_by_label(entry).is_some(),
+            "{entry} in {:?}",
+            crate::desk::labels(&harness)
+        );
         harness.get_by_label(entry).click();
         harness.run_steps(3);
         assert!(

@@ -10,18 +10,18 @@ use ostra_app::Panes;
 use ostra_frames::{DepthSource, Orientation};
 use ostra_masks::LabelTree;
 use ostra_project::Project;
-use ostra_project::workflow::Step;
+use ostra_project::workflow::WorkflowStep;
 use ostra_session::Command;
 use ostra_view::Coloring;
 
 use crate::desk::{Desk, drag, open_step, press};
 
-const STEPS: [Step; 5] = [
-    Step::Label,
-    Step::Track,
-    Step::Geometry,
-    Step::Cloud,
-    Step::Measure,
+const STEPS: [WorkflowStep; 5] = [
+    WorkflowStep::Label,
+    WorkflowStep::Track,
+    WorkflowStep::Geometry,
+    WorkflowStep::Cloud,
+    WorkflowStep::Measure,
 ];
 
 fn at_size(desk: Desk, size: Vec2) -> Harness<'static, Desk> {
@@ -135,13 +135,13 @@ fn nothing_moves_when_labels_cameras_and_cloud_come() {
 fn recommended_step_opens_and_headers_tell_the_states() {
     let mut harness = fresh().shown();
     let open = |harness: &Harness<'_, Desk>| harness.state().shell.view.steps.open;
-    assert_eq!(open(&harness), Some(Step::Label));
+    assert_eq!(open(&harness), Some(WorkflowStep::Label));
     harness.get_by_label("Label: next, nothing marked");
     let sample = Desk::sample();
     harness.state_mut().project.labels = sample.project.labels;
     harness.state_mut().project.masks = sample.project.masks;
     harness.run_steps(3);
-    assert_eq!(open(&harness), Some(Step::Geometry), "photos first");
+    assert_eq!(open(&harness), Some(WorkflowStep::Geometry), "photos first");
     harness.get_by_label("Label: done, 1 keyframe");
     harness.get_by_label("Track: stale, 1 frame to redo");
     let geometry = rect(&harness, "Cameras & depth: next, none yet").top();
@@ -158,11 +158,15 @@ fn recommended_step_opens_and_headers_tell_the_states() {
     }
     harness.state_mut().project.frames = Arc::new(frames);
     harness.run_steps(3);
-    assert_eq!(open(&harness), Some(Step::Track));
-    open_step(&mut harness, Step::Measure);
+    assert_eq!(open(&harness), Some(WorkflowStep::Track));
+    open_step(&mut harness, WorkflowStep::Measure);
     harness.state_mut().project.masks.clear();
     harness.run_steps(3);
-    assert_eq!(open(&harness), Some(Step::Measure), "chosen by the user");
+    assert_eq!(
+        open(&harness),
+        Some(WorkflowStep::Measure),
+        "chosen by the user"
+    );
     let text = "Measure & export: not done, ";
     assert!(harness.query_all_by_label_contains(text).next().is_some());
 }
@@ -170,7 +174,7 @@ fn recommended_step_opens_and_headers_tell_the_states() {
 #[test]
 fn measures_and_export_are_buttons_of_the_last_step() {
     let mut harness = Desk::sample().shown();
-    open_step(&mut harness, Step::Measure);
+    open_step(&mut harness, WorkflowStep::Measure);
     let before = rect(&harness, "Image 000.png");
     harness.get_by_label("Measures").click();
     harness.run_steps(3);

@@ -7,7 +7,7 @@ use egui_kittest::kittest::Queryable;
 use glam::{DVec2, DVec3};
 use ostra_frames::cameras::{SparseKeypoint, SparsePoint, SparsePoints};
 use ostra_project::ReconstructRequest;
-use ostra_project::workflow::Step;
+use ostra_project::workflow::WorkflowStep;
 use ostra_reconstruct::sfm::RegistrationStatus;
 use ostra_session::{Command, SparseReconstruction};
 
@@ -102,7 +102,7 @@ fn panel_sends_the_chosen_options() {
         harness.query_by_label("Only labelled pixels").is_none(),
         "folded until it is wanted"
     );
-    open_advanced(&mut harness, Step::Geometry);
+    open_advanced(&mut harness, WorkflowStep::Geometry);
     harness.get_by_label("Only labelled pixels").click();
     harness
         .get_by_role_and_label(egui::Role::TextInput, "Pairs")

@@ -1,7 +1,7 @@
 //! Tests of the panels around the image.
 
 use ostra_project::TrackerId;
-use ostra_project::workflow::Step;
+use ostra_project::workflow::WorkflowStep;
 use std::sync::Arc;
 
 use egui_kittest::kittest::{NodeT, Queryable};
@@ -18,7 +18,7 @@ fn empty_window_lists_recent_projects() {
     desk.recent = vec!["/projects/rice".into()];
     let mut harness = desk.shown();
     assert!(harness.query_by_label("Frame 0, no mask").is_none());
-    harness.get_by_label("rice").click();
+    harness.get_by_label("Open rice").click();
     harness.run_steps(2);
     assert_eq!(
         harness.state().requested,
@@ -122,13 +122,13 @@ fn suggestions_appear_as_they_arrive_and_become_labels() {
         why,
     };
     harness.state_mut().suggestions.push(one);
-    open_step(&mut harness, Step::Label);
+    open_step(&mut harness, WorkflowStep::Label);
     harness.run_steps(30);
     harness.get_by_label("Add suggestion 1").click();
     harness.run_steps(2);
     let [Command::AddLabel { .. }, Command::Prompt(request)] = &harness.state().requested[..]
     else {
-        panic!()
+        panic!("{:?}", harness.state().requested)
     };
     assert_eq!((request.frame, request.label), (5, LabelId(4)));
     assert_eq!(
@@ -154,7 +154,7 @@ fn label_with_children_cannot_be_removed() {
 #[test]
 fn engine_lists_show_which_engines_are_installed() {
     let mut harness = Desk::sample().shown();
-    open_advanced(&mut harness, Step::Track);
+    open_advanced(&mut harness, WorkflowStep::Track);
     harness
         .get_by_role_and_label(egui::Role::ComboBox, "Tracker")
         .click();
@@ -178,7 +178,7 @@ fn engine_lists_show_which_engines_are_installed() {
 #[test]
 fn geometry_check_needs_depth_and_cameras() {
     let mut harness = Desk::sample().shown();
-    open_advanced(&mut harness, Step::Track);
+    open_advanced(&mut harness, WorkflowStep::Track);
     let name = "Check by geometry";
     assert!(
         harness.get_by_label(name).accesskit_node().is_disabled(),
@@ -225,9 +225,9 @@ fn buttons_request_undo_tracking_reconstruction_and_fusion() {
     harness.get_by_label("Undo").click();
     harness.run_steps(2);
     for (step, name) in [
-        (Step::Track, "Track"),
-        (Step::Geometry, "Reconstruct"),
-        (Step::Cloud, "Fuse"),
+        (WorkflowStep::Track, "Track"),
+        (WorkflowStep::Geometry, "Reconstruct"),
+        (WorkflowStep::Cloud, "Fuse"),
     ] {
         open_step(&mut harness, step);
         let button = harness.get_all_by_label(name).last().unwrap();
@@ -254,7 +254,7 @@ fn one_label_is_re_tracked_around_a_corrected_frame() {
     let mut harness = Desk::sample().shown();
     let name = "Re-track this label around this frame";
     harness.state_mut().shell.view.label = Some(LabelId(2));
-    open_advanced(&mut harness, Step::Track);
+    open_advanced(&mut harness, WorkflowStep::Track);
     harness.get_by_label("Replace other labels").click();
     harness.run_steps(2);
     harness.get_by_label(name).click();
@@ -278,7 +278,7 @@ fn one_label_is_re_tracked_around_a_corrected_frame() {
 #[test]
 fn network_input_size_can_be_chosen() {
     let mut harness = Desk::sample().shown();
-    open_advanced(&mut harness, Step::Track);
+    open_advanced(&mut harness, WorkflowStep::Track);
     assert!(
         harness.query_by_label("custom").is_none(),
         "our own trackers see images as they are"

@@ -4,7 +4,7 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use glam::DVec2;
 use ostra_masks::PxBox;
 use ostra_project::SegmenterId;
-use ostra_project::workflow::Step;
+use ostra_project::workflow::WorkflowStep;
 use ostra_session::{Command, EngineKind, FindByTextRequest, FoundThing, Grounding, TakeRequest};
 
 use crate::desk::{Desk, open_step};
@@ -25,7 +25,7 @@ fn desk(installed: bool) -> Desk {
 #[test]
 fn text_field_is_disabled_without_a_network() {
     let mut harness = desk(false).shown();
-    open_step(&mut harness, Step::Label);
+    open_step(&mut harness, WorkflowStep::Label);
     assert!(
         harness
             .get_by_label("Text to find")
@@ -37,7 +37,7 @@ fn text_field_is_disabled_without_a_network() {
 #[test]
 fn found_objects_are_taken_one_by_one_or_all_at_once() {
     let mut harness = desk(true).shown();
-    open_step(&mut harness, Step::Label);
+    open_step(&mut harness, WorkflowStep::Label);
     harness.get_by_label("Text to find").focus();
     harness.run_steps(2);
     harness

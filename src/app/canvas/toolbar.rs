@@ -8,9 +8,9 @@ use crate::tool_row::{ICON, IN_MENU, Slot, tool_row};
 use crate::{Action, SessionView, ViewState};
 use ostra_view::Layer;
 
-/// Item of the tool row above the image.
+/// ImageTool of the tool row above the image.
 #[derive(Clone, Copy)]
-enum Item {
+enum ImageTool {
     Gap,
     Tool(Tool),
     BrushRadius,
@@ -25,27 +25,27 @@ enum Item {
     CleanSize,
 }
 
-const ITEMS: [(Item, f32); 20] = [
-    (Item::Tool(Tool::Click), ICON),
-    (Item::Tool(Tool::Brush), ICON),
-    (Item::Tool(Tool::Eraser), ICON),
-    (Item::Tool(Tool::Polygon), ICON),
-    (Item::Tool(Tool::Border), ICON),
-    (Item::Tool(Tool::Stem), ICON),
-    (Item::Gap, 6.0),
-    (Item::BrushRadius, 56.0),
-    (Item::Gap, 6.0),
-    (Item::View(Action::Fit), ICON),
-    (Item::View(Action::ActualSize), ICON),
-    (Item::Zoom, 40.0),
-    (Item::Masks, ICON),
-    (Item::Outlines, ICON),
-    (Item::Layer, 82.0),
-    (Item::Opacity, 60.0),
-    (Item::Snap, IN_MENU),
-    (Item::Clean(Action::FillHoles), IN_MENU),
-    (Item::Clean(Action::RemoveIslands), IN_MENU),
-    (Item::CleanSize, IN_MENU),
+const ITEMS: [(ImageTool, f32); 20] = [
+    (ImageTool::Tool(Tool::Click), ICON),
+    (ImageTool::Tool(Tool::Brush), ICON),
+    (ImageTool::Tool(Tool::Eraser), ICON),
+    (ImageTool::Tool(Tool::Polygon), ICON),
+    (ImageTool::Tool(Tool::Border), ICON),
+    (ImageTool::Tool(Tool::Stem), ICON),
+    (ImageTool::Gap, 6.0),
+    (ImageTool::BrushRadius, 56.0),
+    (ImageTool::Gap, 6.0),
+    (ImageTool::View(Action::Fit), ICON),
+    (ImageTool::View(Action::ActualSize), ICON),
+    (ImageTool::Zoom, 40.0),
+    (ImageTool::Masks, ICON),
+    (ImageTool::Outlines, ICON),
+    (ImageTool::Layer, 82.0),
+    (ImageTool::Opacity, 60.0),
+    (ImageTool::Snap, IN_MENU),
+    (ImageTool::Clean(Action::FillHoles), IN_MENU),
+    (ImageTool::Clean(Action::RemoveIslands), IN_MENU),
+    (ImageTool::CleanSize, IN_MENU),
 ];
 
 /// Draws the tool row above the image: tools, zoom, layer, mask display, and clean-up in a menu.
@@ -63,7 +63,7 @@ pub(super) fn toolbar_ui(
         Slot::End => {
             is_dragged = pane_buttons_ui(ui, view, Action::ShowImage, actions);
         }
-        Slot::Row(Item::Clean(action)) | Slot::Menu(Item::Clean(action)) => {
+        Slot::Row(ImageTool::Clean(action)) | Slot::Menu(ImageTool::Clean(action)) => {
             let button = IconButton {
                 icon: if action == Action::FillHoles {
                     Icon::Holes
@@ -79,7 +79,7 @@ pub(super) fn toolbar_ui(
                 actions.push(action);
             }
         }
-        Slot::Row(Item::Zoom) | Slot::Menu(Item::Zoom) => {
+        Slot::Row(ImageTool::Zoom) | Slot::Menu(ImageTool::Zoom) => {
             let text = egui::RichText::new(format!("{zoom_percent:.0} %")).weak();
             ui.add_sized([38.0, 18.0], egui::Label::new(text))
                 .on_hover_text("Zoom: wheel over the image; middle drag or Space+drag moves it");
@@ -93,16 +93,16 @@ pub(super) fn toolbar_ui(
 fn item_ui(
     ui: &mut Ui,
     view: &mut ViewState,
-    item: Item,
+    item: ImageTool,
     in_menu: bool,
     actions: &mut Vec<Action>,
 ) {
     match item {
-        Item::Gap if in_menu => drop(ui.separator()),
-        Item::Gap => ui.add_space(4.0),
-        Item::Tool(tool) => tool_ui(ui, view, tool, in_menu),
-        Item::BrushRadius => radius_ui(ui, view),
-        Item::View(action) => {
+        ImageTool::Gap if in_menu => drop(ui.separator()),
+        ImageTool::Gap => ui.add_space(4.0),
+        ImageTool::Tool(tool) => tool_ui(ui, view, tool, in_menu),
+        ImageTool::BrushRadius => radius_ui(ui, view),
+        ImageTool::View(action) => {
             let (icon, name) = if action == Action::Fit {
                 (Icon::Fit, "Fit")
             } else {
@@ -120,11 +120,13 @@ fn item_ui(
                 actions.push(action);
             }
         }
-        Item::Layer => layer_ui(ui, view),
-        Item::Opacity => opacity_ui(ui, view),
-        Item::CleanSize => clean_size_ui(ui, view),
-        Item::Snap | Item::Masks | Item::Outlines => switch_ui(ui, view, item, in_menu),
-        Item::Zoom | Item::Clean(_) => {}
+        ImageTool::Layer => layer_ui(ui, view),
+        ImageTool::Opacity => opacity_ui(ui, view),
+        ImageTool::CleanSize => clean_size_ui(ui, view),
+        ImageTool::Snap | ImageTool::Masks | ImageTool::Outlines => {
+            switch_ui(ui, view, item, in_menu)
+        }
+        ImageTool::Zoom | ImageTool::Clean(_) => {}
     }
 }
 
@@ -167,22 +169,22 @@ fn radius_ui(ui: &mut Ui, view: &mut ViewState) {
 }
 
 /// Draws a switch of the masks, the outlines or the snapping of the brush.
-fn switch_ui(ui: &mut Ui, view: &mut ViewState, item: Item, in_menu: bool) {
+fn switch_ui(ui: &mut Ui, view: &mut ViewState, item: ImageTool, in_menu: bool) {
     let (icon, name, action) = match item {
-        Item::Snap => (Icon::Magnet, "Snap brush to edges", Action::ToggleSnap),
-        Item::Masks => (Icon::Eye, "Masks", Action::ToggleMasks),
+        ImageTool::Snap => (Icon::Magnet, "Snap brush to edges", Action::ToggleSnap),
+        ImageTool::Masks => (Icon::Eye, "Masks", Action::ToggleMasks),
         _ => (Icon::Outline, "Outlines", Action::ToggleOutlines),
     };
     let is_brush = matches!(view.tool, Tool::Brush | Tool::Eraser);
     let enabled = match item {
-        Item::Snap => is_brush,
-        Item::Masks => true,
+        ImageTool::Snap => is_brush,
+        ImageTool::Masks => true,
         _ => view.masks_shown,
     };
     let tip = view.prefs.shortcuts.tip(ui.ctx(), action);
     let value = match item {
-        Item::Snap => &mut view.prefs.snap,
-        Item::Masks => &mut view.masks_shown,
+        ImageTool::Snap => &mut view.prefs.snap,
+        ImageTool::Masks => &mut view.masks_shown,
         _ => &mut view.prefs.outlines,
     };
     let button = IconButton {

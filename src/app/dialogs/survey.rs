@@ -176,7 +176,7 @@ fn warnings_ui(ui: &mut Ui, form: &NewProjectForm, survey: &Survey) {
         .chain(no_depth)
         .chain(survey.warnings.iter().map(|text| in_window_words(text)));
     for warning in all {
-        let text = RichText::new(format!("⚠ {warning}")).color(ui.visuals().warn_fg_color);
+        let text = RichText::new(warning).color(ui.visuals().warn_fg_color);
         ui.add(egui::Label::new(text).wrap());
     }
 }

@@ -48,9 +48,9 @@ const MODELS: [(Shown, &str, &str); 4] = [
     (Shown::Voxels, "Voxels", "Occupied voxels"),
 ];
 
-/// Item of the tool row above the 3-D view.
+/// SceneTool of the tool row above the 3-D view.
 #[derive(Clone, Copy)]
-enum Item {
+enum SceneTool {
     Gap,
     Model,
     Coloring,
@@ -82,15 +82,17 @@ pub(super) fn scene_bar_ui(
             is_dragged = pane_buttons_ui(ui, view, Action::ShowScene, actions);
         }
         Slot::End => {}
-        Slot::Row(Item::Coloring) | Slot::Menu(Item::Coloring) => coloring_ui(ui, session, view),
-        Slot::Row(Item::Level) | Slot::Menu(Item::Level) => level_ui(ui, session, view),
+        Slot::Row(SceneTool::Coloring) | Slot::Menu(SceneTool::Coloring) => {
+            coloring_ui(ui, session, view)
+        }
+        Slot::Row(SceneTool::Level) | Slot::Menu(SceneTool::Level) => level_ui(ui, session, view),
         Slot::Row(item) => item_ui(ui, view, item, false, actions),
         Slot::Menu(item) => item_ui(ui, view, item, true, actions),
     });
     is_dragged
 }
 
-fn items(session: &SessionView<'_>, view: &ViewState) -> Vec<(Item, f32)> {
+fn items(session: &SessionView<'_>, view: &ViewState) -> Vec<(SceneTool, f32)> {
     let has_cameras = session
         .project
         .frames
@@ -101,21 +103,21 @@ fn items(session: &SessionView<'_>, view: &ViewState) -> Vec<(Item, f32)> {
         .is_some_and(|sparse| !sparse.links.is_empty());
     let has_levels = view.coloring == Coloring::Label && deepest(session) > 1;
     let all = [
-        (session.has_surface, Item::Model, 96.0),
-        (true, Item::Coloring, 98.0),
-        (true, Item::Do(Action::FrameCloud), ICON),
-        (has_cameras, Item::Do(Action::LookThrough), ICON),
-        (true, Item::Gap, 8.0),
-        (session.votes.is_some(), Item::Select, ICON),
-        (session.points().is_some(), Item::Ruler, ICON),
-        (true, Item::Gap, 8.0),
-        (true, Item::Display, ICON + 4.0),
-        (true, Item::Clip, ICON + 4.0),
-        (has_cameras, Item::Cameras, ICON),
-        (has_cameras, Item::Images, ICON),
-        (has_links, Item::Links, ICON),
-        (true, Item::Size, 66.0),
-        (has_levels, Item::Level, 90.0),
+        (session.has_surface, SceneTool::Model, 96.0),
+        (true, SceneTool::Coloring, 98.0),
+        (true, SceneTool::Do(Action::FrameCloud), ICON),
+        (has_cameras, SceneTool::Do(Action::LookThrough), ICON),
+        (true, SceneTool::Gap, 8.0),
+        (session.votes.is_some(), SceneTool::Select, ICON),
+        (session.points().is_some(), SceneTool::Ruler, ICON),
+        (true, SceneTool::Gap, 8.0),
+        (true, SceneTool::Display, ICON + 4.0),
+        (true, SceneTool::Clip, ICON + 4.0),
+        (has_cameras, SceneTool::Cameras, ICON),
+        (has_cameras, SceneTool::Images, ICON),
+        (has_links, SceneTool::Links, ICON),
+        (true, SceneTool::Size, 66.0),
+        (has_levels, SceneTool::Level, 90.0),
     ];
     all.into_iter()
         .filter(|&(is_there, ..)| is_there)
@@ -126,15 +128,15 @@ fn items(session: &SessionView<'_>, view: &ViewState) -> Vec<(Item, f32)> {
 fn item_ui(
     ui: &mut Ui,
     view: &mut ViewState,
-    item: Item,
+    item: SceneTool,
     in_menu: bool,
     actions: &mut Vec<Action>,
 ) {
     match item {
-        Item::Gap if in_menu => drop(ui.separator()),
-        Item::Gap => ui.add_space(4.0),
-        Item::Model => model_ui(ui, view),
-        Item::Do(action) => {
+        SceneTool::Gap if in_menu => drop(ui.separator()),
+        SceneTool::Gap => ui.add_space(4.0),
+        SceneTool::Model => model_ui(ui, view),
+        SceneTool::Do(action) => {
             let (icon, name) = if action == Action::FrameCloud {
                 (Icon::Fit, "All")
             } else {
@@ -144,7 +146,7 @@ fn item_ui(
                 actions.push(action);
             }
         }
-        Item::Select => {
+        SceneTool::Select => {
             if icon_ui(
                 ui,
                 view,
@@ -155,19 +157,19 @@ fn item_ui(
                 actions.push(Action::ChoosePoints);
             }
         }
-        Item::Display if in_menu => {
+        SceneTool::Display if in_menu => {
             ui.collapsing("Display", |ui| display_ui(ui, view, actions));
         }
-        Item::Display => {
+        SceneTool::Display => {
             let menu = icon_menu(ui, Icon::Sliders, "Display", |ui| {
                 display_ui(ui, view, actions);
             });
             menu.on_hover_text("Lighting, projection, background and view direction");
         }
-        Item::Clip if in_menu => {
+        SceneTool::Clip if in_menu => {
             ui.collapsing("Clip", |ui| clip_ui(ui, &mut view.scene.clip));
         }
-        Item::Clip => {
+        SceneTool::Clip => {
             let is_on = view.scene.clip != ClipSides::default();
             let menu = icon_menu(ui, Icon::Clip, "Clip", |ui| {
                 clip_ui(ui, &mut view.scene.clip)
@@ -179,17 +181,17 @@ fn item_ui(
             }
             menu.on_hover_text("Hide the points outside a box or slice");
         }
-        Item::Size => {
+        SceneTool::Size => {
             ui.spacing_mut().slider_width = 60.0;
             let slider = Slider::new(&mut view.prefs.point_size, 1.0..=12.0).show_value(false);
             ui.add(slider)
                 .on_hover_text("Size of the points")
                 .accessible_name("Point size");
         }
-        Item::Ruler | Item::Cameras | Item::Images | Item::Links => {
+        SceneTool::Ruler | SceneTool::Cameras | SceneTool::Images | SceneTool::Links => {
             switch_ui(ui, view, item, in_menu);
         }
-        Item::Coloring | Item::Level => {}
+        SceneTool::Coloring | SceneTool::Level => {}
     }
 }
 
@@ -212,22 +214,22 @@ fn icon_ui(
     button.show(ui, in_menu).clicked()
 }
 
-fn switch_ui(ui: &mut Ui, view: &mut ViewState, item: Item, in_menu: bool) {
+fn switch_ui(ui: &mut Ui, view: &mut ViewState, item: SceneTool, in_menu: bool) {
     let has_frusta = view.prefs.frusta;
     let (icon, name, tip, value) = match item {
-        Item::Ruler => (
+        SceneTool::Ruler => (
             Icon::Ruler,
             "Ruler",
             "Click points to measure distances, lines and angles, and to set the scale by a distance",
             &mut view.ruler.in_hand,
         ),
-        Item::Cameras => (
+        SceneTool::Cameras => (
             Icon::Frustum,
             "Cameras",
             "Show the cameras; click one to go to its frame",
             &mut view.prefs.frusta,
         ),
-        Item::Images => (
+        SceneTool::Images => (
             Icon::Picture,
             "Images",
             "Show the image in front of each camera",

@@ -2,11 +2,11 @@
 
 use egui::{Align2, Color32, FontId, Pos2, Rect, Response, Role, Sense, Shape, Stroke, Ui, Vec2};
 
-use ostra_project::workflow::{Step, StepState};
+use ostra_project::workflow::{StepState, WorkflowStep};
 
 /// What a header shows.
 pub(super) struct StepHeader<'a> {
-    pub step: Step,
+    pub step: WorkflowStep,
     /// Place in the order, from 1.
     pub number: usize,
     pub state: StepState,
@@ -16,13 +16,13 @@ pub(super) struct StepHeader<'a> {
 }
 
 /// Returns the title of a step.
-pub(super) fn title(step: Step) -> &'static str {
+pub(super) fn title(step: WorkflowStep) -> &'static str {
     match step {
-        Step::Label => "Label",
-        Step::Track => "Track",
-        Step::Geometry => "Cameras & depth",
-        Step::Cloud => "Cloud",
-        Step::Measure => "Measure & export",
+        WorkflowStep::Label => "Label",
+        WorkflowStep::Track => "Track",
+        WorkflowStep::Geometry => "Cameras & depth",
+        WorkflowStep::Cloud => "Cloud",
+        WorkflowStep::Measure => "Measure & export",
     }
 }
 

@@ -12,7 +12,7 @@ use crate::action::Requests;
 use crate::menu::is_possible;
 use crate::tooltips::{action_button, grouped, primary_button, section_heading};
 use crate::{Action, SessionView, ViewState};
-use ostra_project::workflow::{Step, StepStatus, Workflow, WorkflowInput, workflow};
+use ostra_project::workflow::{StepStatus, Workflow, WorkflowInput, WorkflowStep, workflow};
 use ostra_session::JobTask;
 
 fn workflow_of(session: &SessionView<'_>, view: &ViewState) -> Workflow {
@@ -25,13 +25,13 @@ fn workflow_of(session: &SessionView<'_>, view: &ViewState) -> Workflow {
 }
 
 /// Returns whether a job of the step runs.
-fn is_running(session: &SessionView<'_>, step: Step) -> bool {
+fn is_running(session: &SessionView<'_>, step: WorkflowStep) -> bool {
     let tasks: &[JobTask] = match step {
-        Step::Label => &[JobTask::Suggest, JobTask::Propose, JobTask::FindByText],
-        Step::Track => &[JobTask::Track],
-        Step::Geometry => &[JobTask::Reconstruct],
-        Step::Cloud => &[JobTask::Fuse],
-        Step::Measure => &[],
+        WorkflowStep::Label => &[JobTask::Suggest, JobTask::Propose, JobTask::FindByText],
+        WorkflowStep::Track => &[JobTask::Track],
+        WorkflowStep::Geometry => &[JobTask::Reconstruct],
+        WorkflowStep::Cloud => &[JobTask::Fuse],
+        WorkflowStep::Measure => &[],
     };
     tasks.iter().any(|task| session.running(task).is_some())
 }
@@ -101,22 +101,22 @@ fn step_ui(
     session: &SessionView<'_>,
     view: &mut ViewState,
     requests: &mut Requests,
-    step: Step,
+    step: WorkflowStep,
 ) {
     ui.add(egui::Label::new(egui::RichText::new(purpose(step)).weak()).wrap());
     match step {
-        Step::Label => label_ui(ui, session, view, requests),
-        Step::Track => {
+        WorkflowStep::Label => label_ui(ui, session, view, requests),
+        WorkflowStep::Track => {
             track_ui(ui, session, view, &mut requests.actions);
             advanced(ui, step, |ui| track_advanced_ui(ui, session, view));
         }
-        Step::Geometry => {
+        WorkflowStep::Geometry => {
             reconstruct_ui(ui, session, view, &mut requests.actions);
             advanced(ui, step, |ui| {
                 reconstruct_advanced_ui(ui, session, view, &mut requests.actions);
             });
         }
-        Step::Cloud => {
+        WorkflowStep::Cloud => {
             fuse_ui(ui, session, view, &mut requests.actions);
             if !session.conflicts.is_empty() {
                 section_heading(ui, "Conflicts");
@@ -124,27 +124,29 @@ fn step_ui(
             }
             advanced(ui, step, |ui| fuse_advanced_ui(ui, view));
         }
-        Step::Measure => measure_ui(ui, session, view, requests),
+        WorkflowStep::Measure => measure_ui(ui, session, view, requests),
     }
 }
 
 /// Returns the sentence that says what a step is for.
-fn purpose(step: Step) -> &'static str {
+fn purpose(step: WorkflowStep) -> &'static str {
     match step {
-        Step::Label => {
+        WorkflowStep::Label => {
             "Click on each object in one image; a right click takes away, a drag draws a box."
         }
-        Step::Track => "Carry the masks from keyframes to the other frames, then check them.",
-        Step::Geometry => {
+        WorkflowStep::Track => {
+            "Carry the masks from keyframes to the other frames, then check them."
+        }
+        WorkflowStep::Geometry => {
             "Find out where each image was taken from and how far away everything is."
         }
-        Step::Cloud => "Fuse all frames into one cloud; each point gets a label by a vote.",
-        Step::Measure => "Measure lengths, areas and volumes per label, and write files.",
+        WorkflowStep::Cloud => "Fuse all frames into one cloud; each point gets a label by a vote.",
+        WorkflowStep::Measure => "Measure lengths, areas and volumes per label, and write files.",
     }
 }
 
 /// Adds the settings that few people need, closed at first.
-fn advanced(ui: &mut Ui, step: Step, content: impl FnOnce(&mut Ui)) {
+fn advanced(ui: &mut Ui, step: WorkflowStep, content: impl FnOnce(&mut Ui)) {
     let header = egui::CollapsingHeader::new("Advanced").id_salt(("advanced", title(step)));
     header.show_unindented(ui, content);
 }
@@ -159,7 +161,9 @@ fn label_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState, reques
     text_prompt_ui(ui, session, view, &mut requests.commands);
     section_heading(ui, "Suggestions");
     suggestions_ui(ui, session, view, requests);
-    advanced(ui, Step::Label, |ui| segmenter_ui(ui, session, view));
+    advanced(ui, WorkflowStep::Label, |ui| {
+        segmenter_ui(ui, session, view)
+    });
 }
 
 fn measure_ui(

@@ -46,7 +46,7 @@ pub struct CameraWork {
 }
 
 /// Cameras that were found; their files are already written.
-pub(super) struct FoundCameras {
+pub(super) struct ComputedCameras {
     made_from: Arc<Project>,
     edits: Vec<Edit>,
     notices: Vec<String>,
@@ -105,7 +105,7 @@ impl CameraWork {
     ///
     /// Returns an error if no camera can be found, a file cannot be written, or the search was
     /// stopped too early.
-    pub fn find(self, context: &JobContext<Session>) -> Result<FoundCameras> {
+    pub fn find(self, context: &JobContext<Session>) -> Result<ComputedCameras> {
         let begun = Instant::now();
         let poses = self.poses();
         let cache = FeatureCache::open(feature_cache_path(&self.root));
@@ -131,7 +131,7 @@ impl CameraWork {
             coordinates: Some(coordinates),
             ..record(&result, begun.elapsed())
         };
-        Ok(FoundCameras {
+        Ok(ComputedCameras {
             notices: cache
                 .report()
                 .into_iter()
@@ -240,7 +240,7 @@ impl CameraWork {
     }
 }
 
-impl FoundCameras {
+impl ComputedCameras {
     /// Returns the project that the cameras were found for, with the cameras applied.
     ///
     /// # Errors
