@@ -71,7 +71,7 @@ fn new_project_uses_what_was_found_and_ticked() {
     harness.event(egui::Event::Text("/photos/color".into()));
     harness.run_steps(2);
     harness.state_mut().survey = Some(Arc::new(found(harness.state())));
-    harness.run_steps(2);
+    harness.run_steps(5);
     harness.get_by_label("12 images · 64 × 48 pixels");
     harness.get_by_label_contains("the unit may be wrong; give the depth unit");
     assert!(harness.query_by_label_contains("--").is_none());
@@ -183,12 +183,8 @@ fn help_pages_open_from_the_menu() {
     ] {
         harness.get_all_by_label("Help").next().unwrap().click();
         harness.run_steps(3);
-        assert!(
-            harness.query_by_label(entry).is_some(),
-            "{entry} in {:?}",
-            crate::desk::labels(&harness)
-        );
-        harness.get_by_label(entry).click();
+        // The shortcut is a part of an entry's name.
+        harness.get_by_label_contains(entry).click();
         harness.run_steps(3);
         assert!(
             harness.query_all_by_label_contains(content).count() > 0,

@@ -25,7 +25,7 @@ enum ImageTool {
     CleanSize,
 }
 
-const ITEMS: [(ImageTool, f32); 20] = [
+const ITEMS: [(ImageTool, f32); 19] = [
     (ImageTool::Tool(Tool::Click), ICON),
     (ImageTool::Tool(Tool::Brush), ICON),
     (ImageTool::Tool(Tool::Eraser), ICON),
@@ -33,14 +33,13 @@ const ITEMS: [(ImageTool, f32); 20] = [
     (ImageTool::Tool(Tool::Border), ICON),
     (ImageTool::Tool(Tool::Stem), ICON),
     (ImageTool::Gap, 6.0),
-    (ImageTool::BrushRadius, 56.0),
-    (ImageTool::Gap, 6.0),
     (ImageTool::View(Action::Fit), ICON),
     (ImageTool::View(Action::ActualSize), ICON),
     (ImageTool::Zoom, 40.0),
     (ImageTool::Masks, ICON),
     (ImageTool::Outlines, ICON),
     (ImageTool::Layer, 82.0),
+    (ImageTool::BrushRadius, 56.0),
     (ImageTool::Opacity, 60.0),
     (ImageTool::Snap, IN_MENU),
     (ImageTool::Clean(Action::FillHoles), IN_MENU),
