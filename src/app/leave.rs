@@ -16,7 +16,7 @@ enum Departure {
     /// Closing the window.
     Quit,
     /// A command that closes the project.
-    Command(Command),
+    Command(Box<Command>),
 }
 
 /// A departure that waits for an answer, or for the end of the running jobs.
@@ -52,7 +52,7 @@ impl Leaving {
         self.hold_back_quit(ctx, jobs);
         if job_to_wait_for(jobs).is_some() {
             if let Some(at) = out.iter().position(closes_project) {
-                self.asked = Some(Departure::Command(out.remove(at)));
+                self.asked = Some(Departure::Command(Box::new(out.remove(at))));
             }
             return;
         }
@@ -60,7 +60,7 @@ impl Leaving {
         self.asked = None;
         match self.waiting.take() {
             Some(Departure::Quit) => ctx.send_viewport_cmd(ViewportCommand::Close),
-            Some(Departure::Command(command)) => out.push(command),
+            Some(Departure::Command(command)) => out.push(*command),
             None => {}
         }
     }
@@ -96,7 +96,9 @@ pub(super) fn leaving_ui(
     };
     let (wait, stop) = match departure {
         Departure::Quit => ("Wait for it, then quit", "Stop and quit"),
-        Departure::Command(Command::Close) => ("Wait for it, then close", "Stop and close"),
+        Departure::Command(command) if **command == Command::Close => {
+            ("Wait for it, then close", "Stop and close")
+        }
         Departure::Command(_) => ("Wait for it, then open", "Stop and open"),
     };
     let mut is_chosen = false;

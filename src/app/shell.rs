@@ -340,7 +340,7 @@ fn pressed(
         view.prefs
             .shortcuts
             .action_for(event)
-            .filter(|_| !is_taken(event) && !(is_tab && is_travelling))
+            .filter(|_| !(is_taken(event) || is_tab && is_travelling))
     };
     let actions: Vec<Action> = ctx.input(|input| input.events.iter().filter_map(action).collect());
     if actions.contains(&Action::TogglePanels) {

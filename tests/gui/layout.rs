@@ -207,7 +207,7 @@ fn tab_hides_the_panels_but_still_travels_between_controls() {
     harness.run_steps(2);
     press(&mut harness, Modifiers::NONE, Key::Tab);
     assert!(!harness.state().shell.view.steps.is_bare);
-    let focused = harness.ctx.memory(|memory| memory.focused());
+    let focused = harness.ctx.memory(egui::Memory::focused);
     assert!(focused.is_some(), "the next control has the keyboard");
     press(&mut harness, Modifiers::NONE, Key::Tab);
     assert!(!harness.state().shell.view.steps.is_bare, "and the next");

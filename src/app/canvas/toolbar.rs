@@ -123,7 +123,7 @@ fn item_ui(
         ImageTool::Opacity => opacity_ui(ui, view),
         ImageTool::CleanSize => clean_size_ui(ui, view),
         ImageTool::Snap | ImageTool::Masks | ImageTool::Outlines => {
-            switch_ui(ui, view, item, in_menu)
+            switch_ui(ui, view, item, in_menu);
         }
         ImageTool::Zoom | ImageTool::Clean(_) => {}
     }

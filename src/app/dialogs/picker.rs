@@ -154,9 +154,11 @@ impl PathPicker {
 fn answer(pick: Pick) -> Answer {
     let dialog = rfd::AsyncFileDialog::new();
     match pick {
-        Pick::Folder => Box::pin(async move { dialog.pick_folder().await.map(path_of) }),
-        Pick::Folders => Box::pin(async move { dialog.pick_folders().await.map(paths_of) }),
-        Pick::File => Box::pin(async move { dialog.pick_file().await.map(path_of) }),
+        Pick::Folder => Box::pin(async move { dialog.pick_folder().await.as_ref().map(path_of) }),
+        Pick::Folders => {
+            Box::pin(async move { dialog.pick_folders().await.as_deref().map(paths_of) })
+        }
+        Pick::File => Box::pin(async move { dialog.pick_file().await.as_ref().map(path_of) }),
         Pick::ImagesAndVideos => {
             let dialog = filters()
                 .into_iter()
@@ -165,17 +167,17 @@ fn answer(pick: Pick) -> Answer {
                 });
             // Videos may have any ending.
             let dialog = dialog.add_filter("All files", &["*"]);
-            Box::pin(async move { dialog.pick_files().await.map(paths_of) })
+            Box::pin(async move { dialog.pick_files().await.as_deref().map(paths_of) })
         }
-        Pick::Save => Box::pin(async move { dialog.save_file().await.map(path_of) }),
+        Pick::Save => Box::pin(async move { dialog.save_file().await.as_ref().map(path_of) }),
     }
 }
 
-fn path_of(file: rfd::FileHandle) -> Vec<PathBuf> {
+fn path_of(file: &rfd::FileHandle) -> Vec<PathBuf> {
     vec![file.path().to_owned()]
 }
 
-fn paths_of(files: Vec<rfd::FileHandle>) -> Vec<PathBuf> {
+fn paths_of(files: &[rfd::FileHandle]) -> Vec<PathBuf> {
     files.iter().map(|file| file.path().to_owned()).collect()
 }
 

@@ -83,7 +83,7 @@ pub(super) fn scene_bar_ui(
         }
         Slot::End => {}
         Slot::Row(SceneTool::Coloring) | Slot::Menu(SceneTool::Coloring) => {
-            coloring_ui(ui, session, view)
+            coloring_ui(ui, session, view);
         }
         Slot::Row(SceneTool::Level) | Slot::Menu(SceneTool::Level) => level_ui(ui, session, view),
         Slot::Row(item) => item_ui(ui, view, item, false, actions),
@@ -172,7 +172,7 @@ fn item_ui(
         SceneTool::Clip => {
             let is_on = view.scene.clip != ClipSides::default();
             let menu = icon_menu(ui, Icon::Clip, "Clip", |ui| {
-                clip_ui(ui, &mut view.scene.clip)
+                clip_ui(ui, &mut view.scene.clip);
             });
             if is_on {
                 let at = menu.rect.right_top() + egui::vec2(-4.0, 4.0);

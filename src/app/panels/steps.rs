@@ -162,7 +162,7 @@ fn label_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState, reques
     section_heading(ui, "Suggestions");
     suggestions_ui(ui, session, view, requests);
     advanced(ui, WorkflowStep::Label, |ui| {
-        segmenter_ui(ui, session, view)
+        segmenter_ui(ui, session, view);
     });
 }
 

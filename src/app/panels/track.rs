@@ -50,10 +50,10 @@ pub(super) fn track_ui(
             );
             let last = session.project.frames.len().saturating_sub(1);
             field(ui, "From frame", "First frame to track", |ui| {
-                bound_ui(ui, &mut view.track.from, 0, last)
+                bound_ui(ui, &mut view.track.from, 0, last);
             });
             field(ui, "To frame", "Last frame to track (included)", |ui| {
-                bound_ui(ui, &mut view.track.to, last, last)
+                bound_ui(ui, &mut view.track.to, last, last);
             });
         });
     retrack_ui(ui, session, view, actions);

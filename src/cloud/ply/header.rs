@@ -161,7 +161,7 @@ impl VertexLayout {
         if let PropertyType::Scalar(scalar) = &data_type {
             match slot {
                 VertexSlot::Red | VertexSlot::Green | VertexSlot::Blue => {
-                    self.colors = self.colors.with(scalar)
+                    self.colors = self.colors.with(scalar);
                 }
                 VertexSlot::X => self.double_positions = *scalar == ScalarType::Double,
                 _ => {}

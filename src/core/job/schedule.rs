@@ -208,7 +208,7 @@ impl Schedule {
             Some(before) => before.updated(seconds, now),
             None => Smoothed::new(seconds, now),
         });
-        self.left.map(|left| left.duration())
+        self.left.map(super::time_left::Smoothed::duration)
     }
 
     /// Returns the steps that people see.

@@ -33,7 +33,7 @@ fn recording(folder: &Path) {
     }
 }
 
-fn found(frames: usize, folder: PathBuf) -> Option<FoundDepth> {
+fn found(frames: usize, folder: &Path) -> Option<FoundDepth> {
     Some(FoundDepth {
         frames,
         folder: folder.canonicalize().unwrap(),
@@ -84,7 +84,7 @@ fn depth_and_cameras_next_to_the_images_are_found() {
     for place in [data.join("color"), data.clone()] {
         let survey = look(std::slice::from_ref(&place));
         assert_eq!(survey.error, None);
-        assert_eq!(survey.depth, found(3, data.join("depth")), "{place:?}");
+        assert_eq!(survey.depth, found(3, &data.join("depth")), "{place:?}");
         let cameras = survey.cameras.unwrap();
         assert_eq!((cameras.frames, cameras.path), (3, data.join("sparse")));
         assert_eq!(survey.root, Some(root.path().join("shelf-ostra")));
@@ -99,7 +99,7 @@ fn folders_of_images_and_depth_given_together_are_one_source() {
     for paths in [[color.clone(), depth.clone()], [depth, color]] {
         let survey = look(&paths);
         assert_eq!(survey.frames.len(), 3);
-        assert_eq!(survey.depth, found(3, root.path().join("depth")));
+        assert_eq!(survey.depth, found(3, &root.path().join("depth")));
     }
 }
 
