@@ -398,7 +398,7 @@ const LIST: &[Row] = {
         A::RestoreRange, RANGE, false, "Restore label in range", "Let tracking add the label again in this range", ctrl_shift(Key::Delete);
         A::AppearsHere, RANGE, false, "Label appears here", "Remove the label before this frame, back to the last keyframe that shows it", plain(Key::Comma);
         A::GoneFromHere, RANGE, false, "Label disappears here", "Remove the label from this frame on, up to the next keyframe that shows it", plain(Key::Period);
-        A::LockRange, RANGE, true, "Lock or unlock label in range", "Protect the label's pixels from tracking, clicks and painting", plain(Key::K);
+        A::LockRange, RANGE, true, "Lock or unlock label in range", "Protect the label's pixels from tracking and from every edit", plain(Key::K);
         A::HideRange, RANGE, false, "Hide or show label in range", "Keep the label's pixels but leave them out of display, votes and exports", plain(Key::H);
         A::MergeRange, RANGE, true, "Merge label in range…", "Turn the label's pixels and prompts into another label", plain(Key::J);
         A::SplitRange, RANGE, false, "Split label in range…", "Turn the part under the pointer into another label, followed through the range", shift(Key::J);

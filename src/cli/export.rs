@@ -59,7 +59,8 @@ pub(super) struct ExportArgs {
     /// Add the angle between these two labels (repeatable).
     #[arg(long, value_names = ["LABEL", "LABEL"], num_args = 2, requires = "traits")]
     pub angle: Vec<String>,
-    /// Unit of lengths: m, cm or mm (needs a known scale), or units.
+    /// Unit of lengths: m, cm or mm (needs a known scale), or units [default: m if the scale is known,
+    /// else units]
     #[arg(long, requires = "traits", value_parser = values::length_unit)]
     pub unit: Option<LengthUnit>,
     /// Replace deeper labels by their ancestor at this level (1 = top).
