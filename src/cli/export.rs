@@ -5,9 +5,10 @@ use clap::Args;
 
 use super::drive::{Driver, label_id};
 use super::values;
+use ostra_cloud::formats::{CloudFormat, MeshFormat, VoxelFormat};
 use ostra_cloud::measure::{GroundChoice, LengthUnit};
 use ostra_frames::cameras::ModelEncoding;
-use ostra_masks::LabelId;
+use ostra_masks::{LabelId, MaskFormat};
 use ostra_project::{ExportRequest, Project};
 use ostra_session::Command;
 
@@ -15,14 +16,11 @@ use ostra_session::Command;
 pub(super) struct ExportArgs {
     /// Project folder.
     pub project: PathBuf,
-    /// Labelled cloud (.ply, .las, .laz or .pcd).
-    #[arg(long, value_name = "F")]
+    #[arg(long, value_name = "F", help = format!("Labelled cloud ({})", CloudFormat::endings()))]
     pub cloud: Option<PathBuf>,
-    /// Labelled mesh (.ply, .obj or .glb).
-    #[arg(long, value_name = "F")]
+    #[arg(long, value_name = "F", help = format!("Labelled mesh ({})", MeshFormat::endings()))]
     pub mesh: Option<PathBuf>,
-    /// Labelled voxels (.ply, .npz or .vox).
-    #[arg(long, value_name = "F")]
+    #[arg(long, value_name = "F", help = format!("Labelled voxels ({})", VoxelFormat::endings()))]
     pub voxels: Option<PathBuf>,
     /// Cameras as a COLMAP text model.
     #[arg(long, value_name = "DIR")]
@@ -39,9 +37,9 @@ pub(super) struct ExportArgs {
     /// Masks of all frames, with labels.json.
     #[arg(long, value_name = "DIR")]
     pub masks: Option<PathBuf>,
-    /// Format of the masks: davis (palette PNGs), binary, coco or yolo.
-    #[arg(long, requires = "masks", value_parser = ["davis", "binary", "coco", "yolo"])]
-    pub mask_format: Option<String>,
+    /// Format of the masks; davis (palette PNGs) unless another one is named.
+    #[arg(long, requires = "masks", value_parser = values::mask_format())]
+    pub mask_format: Option<MaskFormat>,
     /// Depth maps as 32-bit float TIFFs in world units.
     #[arg(long, value_name = "DIR")]
     pub depths: Option<PathBuf>,

@@ -10,7 +10,7 @@ use glam::DVec2;
 use super::drive::{Driver, label_id};
 use super::print::print_text;
 use super::values;
-use ostra_masks::{Click, Prompt, PxBox};
+use ostra_masks::{Click, MaskFormat, Prompt, PxBox};
 use ostra_session::{
     CleanRequest, Command, FindByTextRequest, PromptRequest, TakeRequest, TraceRequest,
 };
@@ -124,8 +124,8 @@ pub(super) struct MasksArgs {
     /// Folder of mask files.
     pub dir: PathBuf,
     /// Format of the mask files.
-    #[arg(long, default_value = "davis", value_parser = ["davis", "binary", "coco", "yolo"])]
-    pub format: String,
+    #[arg(long, default_value = MaskFormat::default().name(), value_parser = values::mask_format())]
+    pub format: MaskFormat,
     /// Replace earlier exports even if they were changed since. Other files are never replaced.
     #[arg(long)]
     pub overwrite: bool,

@@ -8,6 +8,7 @@ use glam::DVec2;
 use super::drive::{Driver, label_id};
 use super::values;
 use ostra_cloud::measure::LengthUnit;
+use ostra_core::lists::in_words;
 use ostra_masks::Direction;
 use ostra_project::{ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest};
 use ostra_session::{Command, TrackSettings};
@@ -74,10 +75,16 @@ pub(super) struct TrackArgs {
     /// Stop at the first frame on which the confidence of a label is lower.
     #[arg(long, value_name = "C", value_parser = values::share)]
     pub pause_below: Option<f32>,
-    /// Shorter image side for xmem and deaot; larger values keep thinner structures and take longer
-    /// (deaot never enlarges).
-    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(64..=4096))]
+    #[arg(long, help = short_side_help(), value_name = "PX", value_parser = clap::value_parser!(u32).range(64..=4096))]
     pub short_side: Option<u32>,
+}
+
+/// Returns the help of `--short-side`, with the trackers that take it.
+fn short_side_help() -> String {
+    let trackers = in_words(TrackerId::names_with_image_size(), "and");
+    format!(
+        "Shorter image side for {trackers}; larger values keep thinner structures and take longer (deaot never enlarges)"
+    )
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

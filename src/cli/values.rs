@@ -5,12 +5,19 @@ use glam::DVec2;
 
 use ostra_cloud::measure::LengthUnit;
 use ostra_frames::cameras::IntrinsicsSource;
+use ostra_masks::MaskFormat;
 use ostra_project::EngineName;
 
 /// Returns a parser of engine names; help and errors list all names.
 pub(super) fn engine<I: EngineName>() -> impl TypedValueParser<Value = I> {
     PossibleValuesParser::new(I::ALL.iter().map(|id| id.name()))
         .try_map(|name| I::from_name(&name).ok_or("unknown engine"))
+}
+
+/// Returns a parser of names of mask formats; help and errors list all names.
+pub(super) fn mask_format() -> impl TypedValueParser<Value = MaskFormat> {
+    PossibleValuesParser::new(MaskFormat::ALL.map(MaskFormat::name))
+        .try_map(|name| name.parse::<MaskFormat>())
 }
 
 /// Parses `X,Y` in pixels.

@@ -4,7 +4,7 @@
 //! [`disk`] writes files atomically and reads them without waiting for other processes.
 //! [`programs`] starts child processes and kills them with this program. [`cache`] is a cache
 //! limited in bytes. [`mod@image`] samples and shrinks images, [`statistics`] has medians and
-//! quantiles, and [`union_find`] has disjoint sets.
+//! quantiles, [`union_find`] has disjoint sets, and [`lists`] writes lists of names.
 //!
 //! Results do not depend on the number of threads. Images are stored row by row; sizes are columns
 //! and rows, in pixels.
@@ -36,6 +36,7 @@ pub mod cache;
 pub mod disk;
 pub mod image;
 pub mod job;
+pub mod lists;
 pub mod programs;
 pub mod statistics;
 pub mod union_find;

@@ -192,6 +192,12 @@ impl TrackerId {
     pub fn has_image_size(self) -> bool {
         matches!(self, Self::XMem | Self::Deaot)
     }
+
+    /// Returns the names of all trackers with a configurable image size.
+    pub fn names_with_image_size() -> impl Iterator<Item = &'static str> {
+        let with_size = Self::ALL.iter().filter(|id| id.has_image_size());
+        with_size.map(|id| id.name())
+    }
 }
 
 #[cfg(test)]

@@ -5,9 +5,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{DeviceId, FeatureId, MatcherId, RegistrationId, SegmenterId};
+use ostra_cloud::formats::{CloudFormat, MeshFormat, VoxelFormat};
 use ostra_cloud::measure::{GroundChoice, LengthUnit};
 use ostra_frames::cameras::ModelEncoding;
-use ostra_masks::{LabelId, Prompt};
+use ostra_masks::{LabelId, MaskFormat, Prompt};
 
 /// How cameras and depths are made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
@@ -110,13 +111,16 @@ pub struct FuseRequest {
 /// Files to export.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct ExportRequest {
-    /// Labelled cloud: `.ply`, `.las`, `.laz` or `.pcd`.
+    /// Labelled cloud, in the [`CloudFormat`] of its ending.
+    #[schemars(description = format!("Labelled cloud: {}.", CloudFormat::endings()))]
     #[serde(default)]
     pub cloud: Option<PathBuf>,
-    /// Mesh: `.ply`, `.obj` or `.glb`.
+    /// Mesh, in the [`MeshFormat`] of its ending.
+    #[schemars(description = format!("Mesh: {}.", MeshFormat::endings()))]
     #[serde(default)]
     pub mesh: Option<PathBuf>,
-    /// Voxels: `.ply`, `.npz` or `.vox`.
+    /// Voxels, in the [`VoxelFormat`] of their ending.
+    #[schemars(description = format!("Voxels: {}.", VoxelFormat::endings()))]
     #[serde(default)]
     pub voxels: Option<PathBuf>,
     /// COLMAP model.
@@ -134,11 +138,9 @@ pub struct ExportRequest {
     /// Folder for the masks.
     #[serde(default)]
     pub masks: Option<PathBuf>,
-    /// Mask format: `davis` (default), `binary`, `coco` or `yolo`.
-    ///
-    /// `davis` is palette PNGs and `labels.json`.
+    /// Format of the masks; `None` means `davis`.
     #[serde(default)]
-    pub mask_format: Option<String>,
+    pub mask_format: Option<MaskFormat>,
     /// Folder for depth maps as 32-bit float TIFFs.
     #[serde(default)]
     pub depths: Option<PathBuf>,

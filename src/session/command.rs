@@ -9,7 +9,7 @@ use crate::requests::{
     ModelRequest, MoveBorderRequest, PaintRequest, TakeRequest, TraceRequest, TrackSettings,
 };
 use ostra_frames::cameras::IntrinsicsSource;
-use ostra_masks::LabelId;
+use ostra_masks::{LabelId, MaskFormat};
 use ostra_project::{
     ExportRequest, FuseRequest, PromptRequest, RangeRequest, ReconstructRequest, ScaleRequest,
 };
@@ -116,15 +116,15 @@ pub enum Command {
     ImportMasks {
         /// Folder of the masks.
         dir: PathBuf,
-        /// `davis`, `binary`, `coco` or `yolo`.
-        format: String,
+        /// Format of the files.
+        format: MaskFormat,
     },
     /// Writes masks to files.
     ExportMasks {
         /// Folder of the masks.
         dir: PathBuf,
-        /// `davis`, `binary`, `coco` or `yolo`.
-        format: String,
+        /// Format of the files.
+        format: MaskFormat,
         /// Whether files of an earlier export that were changed since are replaced.
         #[serde(default)]
         overwrite: bool,

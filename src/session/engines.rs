@@ -11,6 +11,7 @@ use crate::networks::{
     superglue_network, yolox,
 };
 use ostra_compute::nn::{Catalogue, Provider, models_folder};
+use ostra_core::lists::in_words;
 use ostra_frames::{Frame, FrameStore};
 use ostra_masks::graph_cut::BuiltinSegmenter;
 use ostra_masks::{Segmenter, TextGrounder, Tracker};
@@ -143,7 +144,11 @@ pub fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tr
     );
     ensure!(
         seen.is_none() || tracker.has_image_size(),
-        "only 'xmem' and 'deaot' take images in another size, not '{}'; name one of them, or choose no size",
+        "only {} take images in another size, not '{}'; name one of them, or choose no size",
+        in_words(
+            TrackerId::names_with_image_size().map(|name| format!("'{name}'")),
+            "and"
+        ),
         tracker.name()
     );
     let tracker: Box<dyn Tracker> = match tracker {

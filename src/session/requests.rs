@@ -137,7 +137,7 @@ pub struct TrackSettings {
     /// `None` never pauses.
     #[serde(default)]
     pub pause_below: Option<f32>,
-    /// Shorter side of the images for a network (`xmem`, `deaot`), in pixels, at least 64.
+    /// Shorter side of the images for a network, in pixels, at least 64.
     ///
     /// A larger value shows thinner objects and takes longer. `None` means the size with which the
     /// network was evaluated.

@@ -4,7 +4,9 @@ use std::path::Path;
 
 use glam::DVec2;
 use ostra_cloud::select::{Eye, Likeness, SeenRegion, SelectStep};
-use ostra_masks::{LabelId, LabelMask, Region, RunMask, encode_palette_png, read_palette_png};
+use ostra_masks::{
+    LabelId, LabelMask, MaskFormat, Region, RunMask, encode_palette_png, read_palette_png,
+};
 use ostra_project::{FuseRequest, MaskOrigin};
 use ostra_session::{CloudChange, CloudCorrection, Command, Session};
 
@@ -47,7 +49,7 @@ pub(super) fn wrongly_labelled(data: &Path, folder: &Path) -> Session {
         &mut session,
         Command::ImportMasks {
             dir: masks,
-            format: "davis".into(),
+            format: MaskFormat::Davis,
         },
     )
     .unwrap();

@@ -11,7 +11,7 @@ use ostra_eval::cloud_score::{CloudLabelScore, CloudScoreOptions, score_cloud};
 use ostra_eval::simulated_click::next_click;
 use ostra_eval::synthetic::{Scene, TruthOptions};
 use ostra_frames::{FrameFolder, OpenRequest};
-use ostra_masks::{LabelId, LabelMask, Prompt, Region, read_palette_png};
+use ostra_masks::{LabelId, LabelMask, MaskFormat, Prompt, Region, read_palette_png};
 use ostra_project::FuseRequest;
 use ostra_session::{Command, NewProject, PromptRequest, Session};
 
@@ -174,7 +174,7 @@ fn demo_with_ground_truth_keyframes() {
         &mut session,
         Command::ImportMasks {
             dir: masks,
-            format: "davis".into(),
+            format: MaskFormat::Davis,
         },
     )
     .unwrap();

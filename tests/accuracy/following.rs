@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use ostra_cloud::LabelledCloud;
 use ostra_cloud::ply::read_ply;
-use ostra_masks::{LabelId, RunMask, encode_palette_png};
+use ostra_masks::{LabelId, MaskFormat, RunMask, encode_palette_png};
 use ostra_project::{ExportRequest, FuseRequest, ResultKind};
 use ostra_session::Event;
 use ostra_session::{Command, Session, SurfaceKind};
@@ -34,7 +34,7 @@ fn put_right(session: &mut Session, data: &Path, folder: &Path, frames: std::ops
         session,
         Command::ImportMasks {
             dir: masks,
-            format: "davis".into(),
+            format: MaskFormat::Davis,
         },
     )
     .unwrap();

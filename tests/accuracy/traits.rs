@@ -11,6 +11,7 @@ use ostra_cloud::measure::TraitRow;
 use ostra_core::job::Progress;
 use ostra_eval::synthetic::Scene;
 use ostra_frames::{FrameFolder, OpenRequest};
+use ostra_masks::MaskFormat;
 use ostra_project::{ExportRequest, FuseRequest};
 use ostra_session::{Command, MeasureSettings, NewProject, Session};
 
@@ -43,7 +44,7 @@ fn fused(tiller: &Tiller, folder: &Path) -> Session {
         &mut session,
         Command::ImportMasks {
             dir: masks,
-            format: "davis".into(),
+            format: MaskFormat::Davis,
         },
     )
     .unwrap();

@@ -20,7 +20,7 @@ use ostra_cloud::LabelledCloud;
 use ostra_cloud::fuse::{ChangedMask, FuseOptions, Views, Votes, fuse, relabel, vote_again};
 use ostra_core::job::Progress;
 use ostra_frames::{FrameFolder, OpenRequest};
-use ostra_masks::{LabelId, LabelMask, LabelTree};
+use ostra_masks::{LabelId, LabelMask, LabelTree, MaskFormat};
 use ostra_project::FuseRequest;
 use ostra_session::{Command, NewProject, PaintRequest, Session};
 
@@ -100,7 +100,7 @@ fn in_the_program(set: &Path) {
         &mut session,
         Command::ImportMasks {
             dir: set.join("labels"),
-            format: "davis".into(),
+            format: MaskFormat::Davis,
         },
     );
     perform(

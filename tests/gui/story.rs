@@ -13,7 +13,7 @@ use ostra_cloud::ply::{SavedColors, save_ply};
 use ostra_core::job::Progress;
 use ostra_eval::synthetic::{Scene, SceneOptions};
 use ostra_frames::{FrameFolder, OpenRequest};
-use ostra_masks::LabelId;
+use ostra_masks::{LabelId, MaskFormat};
 use ostra_project::FuseRequest;
 use ostra_session::{Command, NewProject, Recent, Session};
 
@@ -186,7 +186,7 @@ fn fused(dir: &Path) -> std::path::PathBuf {
         }),
         Command::ImportMasks {
             dir: masks,
-            format: "davis".into(),
+            format: MaskFormat::Davis,
         },
         Command::Fuse(FuseRequest::default()),
     ] {

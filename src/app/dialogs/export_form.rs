@@ -77,8 +77,7 @@ impl ExportForm {
             mesh: path(self.mesh, has.surface, &self.mesh_name()),
             voxels: path(self.voxels, has.surface, &self.voxels_name()),
             masks: path(self.masks, has.masks, "masks"),
-            mask_format: (self.masks && has.masks)
-                .then(|| mask_format_name(self.mask_format).into()),
+            mask_format: (self.masks && has.masks).then_some(self.mask_format),
             cameras: path(self.cameras, has.cameras, "sparse"),
             camera_encoding: self.camera_encoding,
             undistorted: path(self.undistorted, has.cameras, "undistorted"),
@@ -170,26 +169,14 @@ impl Available {
     }
 }
 
-/// Returns the name of a mask format in commands.
-pub(super) fn mask_format_name(format: MaskFormat) -> &'static str {
-    FORMATS
-        .iter()
-        .find(|(of, ..)| *of == format)
-        .map_or("", |(_, name, _)| name)
-}
-
 /// Draws the choice of a mask format.
 pub(super) fn mask_format_ui(ui: &mut Ui, name: &str, chosen: &mut MaskFormat) {
-    let text = FORMATS
-        .iter()
-        .find(|(of, ..)| of == chosen)
-        .map_or("", |(_, _, text)| text);
     let choice = ComboBox::from_id_salt(name)
-        .selected_text(text)
+        .selected_text(mask_format_text(*chosen))
         .width(230.0)
         .show_ui(ui, |ui| {
-            for (format, _, text) in FORMATS {
-                ui.selectable_value(chosen, format, text);
+            for format in MaskFormat::ALL {
+                ui.selectable_value(chosen, format, mask_format_text(format));
             }
         });
     choice
@@ -198,17 +185,15 @@ pub(super) fn mask_format_ui(ui: &mut Ui, name: &str, chosen: &mut MaskFormat) {
         .accessible_name(name);
 }
 
-/// Mask formats with their names in commands and in the window.
-const FORMATS: [(MaskFormat, &str, &str); 4] = [
-    (MaskFormat::Davis, "davis", "palette PNG a frame (DAVIS)"),
-    (
-        MaskFormat::Binary,
-        "binary",
-        "black and white PNG a label and frame",
-    ),
-    (MaskFormat::Coco, "coco", "COCO JSON with run lengths"),
-    (MaskFormat::Yolo, "yolo", "YOLO outlines"),
-];
+/// Returns the name of a mask format in the window.
+fn mask_format_text(format: MaskFormat) -> &'static str {
+    match format {
+        MaskFormat::Davis => "palette PNG a frame (DAVIS)",
+        MaskFormat::Binary => "black and white PNG a label and frame",
+        MaskFormat::Coco => "COCO JSON with run lengths",
+        MaskFormat::Yolo => "YOLO outlines",
+    }
+}
 
 #[cfg(test)]
 mod tests {
@@ -271,8 +256,8 @@ mod tests {
         (form.mask_format, form.traits) = (MaskFormat::Coco, true);
         let request = form.request(&has, &measures).unwrap();
         assert_eq!(
-            (request.mask_format.as_deref(), request.traits),
-            (Some("coco"), Some("/out/traits.csv".into()))
+            (request.mask_format, request.traits),
+            (Some(MaskFormat::Coco), Some("/out/traits.csv".into()))
         );
         form.cloud_format = CloudFormat::Laz;
         assert_eq!(

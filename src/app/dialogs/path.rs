@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use egui::{Context, Grid, Key, Ui};
 
-use super::export_form::{mask_format_name, mask_format_ui};
+use super::export_form::mask_format_ui;
 use super::picker::{
     NO_CHOOSER, PathField, PathRequest, Pick, PickTarget, path_field_ui, typed_path,
 };
@@ -71,7 +71,7 @@ pub(crate) fn path_ui(ui: &Ui, view: &mut ViewState, request: PathRequest, out: 
             PathRequest::OpenProject => out.push(Command::Open(path)),
             PathRequest::InspectPly => out.push(Command::Inspect(path)),
             PathRequest::ImportMasks => {
-                let format = mask_format_name(view.mask_format).into();
+                let format = view.mask_format;
                 out.push(Command::ImportMasks { dir: path, format });
             }
             PathRequest::SaveTraits => out.push(Command::Export(traits_request(view, path))),

@@ -36,7 +36,7 @@ const fn joined(title: &'static str, tip: &'static str, traits: &'static [&'stat
 }
 
 /// Columns after the label's name, from left to right.
-pub(super) const COLUMNS: [Column; 12] = [
+pub(super) const COLUMNS: &[Column] = &[
     first(
         "Points",
         "Points of the label and its children",

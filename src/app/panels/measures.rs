@@ -96,7 +96,7 @@ fn table_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState, tree: 
                     for ListedLabel { label, depth, .. } in &rows {
                         name_ui(ui, view, label, *depth);
                         let unit = view.measures.unit.unwrap_or(session.unit);
-                        for column in &COLUMNS {
+                        for column in COLUMNS {
                             cell_ui(ui, &table, label, column, unit);
                         }
                         ui.end_row();

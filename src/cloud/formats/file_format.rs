@@ -11,6 +11,7 @@ use crate::ply::{SavedColors, save_mesh, save_ply};
 use crate::whole_file::{unplaced, write_whole};
 use crate::{LabelledCloud, LabelledMesh, SceneError};
 use ostra_core::job::Progress;
+use ostra_core::lists::in_words;
 
 /// A file format for labelled clouds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -39,6 +40,12 @@ impl CloudFormat {
             Self::Laz => "laz",
             Self::Pcd => "pcd",
         }
+    }
+
+    /// Returns the endings of all formats in words: `.ply, .las, .laz or .pcd`.
+    #[must_use]
+    pub fn endings() -> String {
+        endings(Self::ALL.map(Self::ending))
     }
 
     /// Returns the format that the extension of `path` stands for.
@@ -128,6 +135,12 @@ impl MeshFormat {
         }
     }
 
+    /// Returns the endings of all formats in words: `.ply, .obj or .glb`.
+    #[must_use]
+    pub fn endings() -> String {
+        endings(Self::ALL.map(Self::ending))
+    }
+
     /// Returns the format that the extension of `path` stands for.
     ///
     /// # Errors
@@ -204,6 +217,12 @@ impl VoxelFormat {
         }
     }
 
+    /// Returns the endings of all formats in words: `.ply, .npz or .vox`.
+    #[must_use]
+    pub fn endings() -> String {
+        endings(Self::ALL.map(Self::ending))
+    }
+
     /// Returns the format that the extension of `path` stands for.
     ///
     /// # Errors
@@ -247,6 +266,11 @@ impl VoxelFormat {
     }
 }
 
+/// Returns endings in words, each with its dot.
+fn endings<const N: usize>(names: [&str; N]) -> String {
+    in_words(names.map(|name| format!(".{name}")), "or")
+}
+
 /// Returns the entry of `known` whose extension matches that of `path`.
 fn by_ending<T: Copy, const N: usize>(
     path: &Path,
@@ -258,10 +282,9 @@ fn by_ending<T: Copy, const N: usize>(
         .iter()
         .find(|(_, name)| ending.eq_ignore_ascii_case(name));
     found.map(|(format, _)| *format).ok_or_else(|| {
-        let names: Vec<String> = known.iter().map(|(_, name)| format!(".{name}")).collect();
         let what = format!(
             "{what} cannot be written under this ending; give a name that ends in {}",
-            names.join(", ")
+            endings(known.map(|(_, name)| name))
         );
         SceneError::Invalid {
             path: path.to_path_buf(),

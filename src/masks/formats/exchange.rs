@@ -2,18 +2,20 @@ use std::borrow::Borrow;
 use std::path::Path;
 use std::str::FromStr;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::frame_matching::{Export, Imported, MaskFrame, file_stems};
 use super::{binary, coco, davis, yolo};
 use crate::{LabelTree, MaskError, RunMask};
 use ostra_core::job::Progress;
+use ostra_core::lists::in_words;
 
 /// File format of masks.
 ///
 /// Every format keeps ids, names, parents and colours. On import a label is found by its name, or
 /// by its number when it has no name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MaskFormat {
     /// `FRAME.png` with palette or grey values equal to label ids, and `labels.json`.
@@ -37,7 +39,7 @@ impl MaskFormat {
     /// All formats, the default first.
     pub const ALL: [Self; 4] = [Self::Davis, Self::Binary, Self::Coco, Self::Yolo];
 
-    /// Returns the format's name on the command line.
+    /// Returns the format's name on the command line and in recipes.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -126,7 +128,8 @@ impl FromStr for MaskFormat {
     fn from_str(name: &str) -> Result<Self, MaskError> {
         let unknown = || {
             MaskError::Request(format!(
-                "there is no mask format '{name}'; use davis, binary, coco or yolo"
+                "there is no mask format '{name}'; use {}",
+                in_words(Self::ALL.map(Self::name), "or")
             ))
         };
         Self::ALL

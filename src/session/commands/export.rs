@@ -6,8 +6,7 @@ use anyhow::{Context, Result, bail};
 
 use super::export_frames::{write_depths, write_undistorted};
 use super::export_inputs::{
-    ExportInputs, check, check_targets, first_renamed, mask_format, outdated, output_files,
-    output_folders,
+    ExportInputs, check, check_targets, first_renamed, outdated, output_files, output_folders,
 };
 use super::export_scene::{write_cloud, write_mesh, write_traits, write_voxels};
 use crate::Event;
@@ -299,7 +298,7 @@ fn write_targets(
     if let Some(folder) = &request.masks {
         super::masks::write(
             folder,
-            mask_format(request)?,
+            request.mask_format.unwrap_or_default(),
             &inputs.project,
             request.level,
             progress,

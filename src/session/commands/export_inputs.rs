@@ -11,7 +11,7 @@ use ostra_cloud::fuse::Votes;
 use ostra_cloud::measure::LengthUnit;
 use ostra_cloud::ply::{label_paths, twin_path};
 use ostra_frames::{Frame, FrameStore};
-use ostra_masks::{Label, LabelId, LabelTree, MaskFormat};
+use ostra_masks::{Label, LabelId, LabelTree};
 use ostra_project::export_targets::ExportTargets;
 use ostra_project::voted_cloud::read_votes_on;
 use ostra_project::{ExportRequest, Project};
@@ -118,7 +118,6 @@ pub(super) fn check(request: &ExportRequest, inputs: &ExportInputs) -> Result<()
         depths.is_none() || frames.iter().any(|frame| frame.depth.is_some()),
         "no frame has depth; give depth images first"
     );
-    mask_format(request)?;
     check_unit(request, inputs)?;
     ensure!(
         request.level != Some(0),
@@ -264,15 +263,6 @@ pub(super) fn outdated(request: &ExportRequest, inputs: &ExportInputs) -> Option
         )
     };
     (!reported.is_empty()).then(text)
-}
-
-pub(super) fn mask_format(request: &ExportRequest) -> Result<MaskFormat> {
-    Ok(request
-        .mask_format
-        .as_deref()
-        .map(str::parse)
-        .transpose()?
-        .unwrap_or_default())
 }
 
 /// Creates the folder of a file that is to be written.

@@ -13,9 +13,8 @@ use ostra_project::mask_edits::keyframe_of;
 use ostra_project::{Edit, Project};
 
 impl Session {
-    pub(crate) fn import_masks(&mut self, dir: &Path, format: &str) -> Result<JobId> {
+    pub(crate) fn import_masks(&mut self, dir: &Path, format: MaskFormat) -> Result<JobId> {
         let (project, dir) = (self.snapshot()?, dir.to_owned());
-        let format: MaskFormat = format.parse()?;
         Ok(self.start("Import masks", JobKind::Short, move |context| {
             let imported = format.import_masks(
                 &dir,
@@ -57,11 +56,10 @@ impl Session {
     pub(crate) fn export_masks(
         &mut self,
         dir: &Path,
-        format: &str,
+        format: MaskFormat,
         overwrite: bool,
     ) -> Result<JobId> {
         let (project, dir) = (self.snapshot()?, dir.to_owned());
-        let format: MaskFormat = format.parse()?;
         ensure!(
             !project.masks.is_empty(),
             "no frame has a mask; prompt, paint or track first"

@@ -12,7 +12,7 @@ use crate::{
     Session,
 };
 use ostra_frames::{FrameFolder, OpenRequest};
-use ostra_masks::{Click, LabelId, LabelMask, Prompt};
+use ostra_masks::{Click, LabelId, LabelMask, MaskFormat, Prompt};
 use ostra_project::{MaskOrigin, SegmenterId};
 
 const PLANT: LabelId = LabelId(1);
@@ -272,37 +272,25 @@ fn exported_masks_are_imported_as_keyframes() {
     let mut session = opened(folder.path());
     perform(&mut session, square(LEAF, 3.0, 12.0, false, false)).unwrap();
     let painted = session.project().unwrap().masks.clone();
-    for format in ["davis", "binary", "coco"] {
-        let dir = folder.path().join(format);
+    for format in [MaskFormat::Davis, MaskFormat::Binary, MaskFormat::Coco] {
+        let dir = folder.path().join(format.name());
         perform(
             &mut session,
             Command::ExportMasks {
                 dir: dir.clone(),
-                format: format.into(),
+                format,
                 overwrite: false,
             },
         )
         .unwrap();
         perform(&mut session, Command::ClearMask { frame: 0 }).unwrap();
-        perform(
-            &mut session,
-            Command::ImportMasks {
-                dir,
-                format: format.into(),
-            },
-        )
-        .unwrap();
+        perform(&mut session, Command::ImportMasks { dir, format }).unwrap();
         let masks = &session.project().unwrap().masks;
-        assert_eq!(masks[&0], painted[&0], "{format}");
+        assert_eq!(masks[&0], painted[&0], "{format:?}");
     }
-    let error = perform(
-        &mut session,
-        Command::ImportMasks {
-            dir: folder.path().into(),
-            format: "bmp".into(),
-        },
-    );
-    assert!(error.is_err());
+    let unknown = r#"{"import_masks": {"dir": "masks", "format": "bmp"}}"#;
+    let error = serde_json::from_str::<Command>(unknown).unwrap_err();
+    assert!(error.to_string().contains("`yolo`"), "{error}");
 }
 
 #[test]

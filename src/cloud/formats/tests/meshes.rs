@@ -74,7 +74,7 @@ fn extension_selects_the_format_and_errors_list_all() {
     let wrong = |path: &str| MeshFormat::of(Path::new(path)).unwrap_err().to_string();
     assert_eq!(
         wrong("a/b.stl"),
-        "a/b.stl: a mesh cannot be written under this ending; give a name that ends in .ply, .obj, .glb"
+        "a/b.stl: a mesh cannot be written under this ending; give a name that ends in .ply, .obj or .glb"
     );
     assert!(wrong("mesh").contains(".glb"));
     assert!(
