@@ -15,11 +15,7 @@ pub(crate) fn new_project_ui(
 ) {
     let new = dialog == Dialog::NewProject;
     let response = modal(ui, "new project", 600.0, |ui| {
-        ui.heading(if new {
-            "New project from frames"
-        } else {
-            "Add frames"
-        });
+        ui.heading(if new { "New project" } else { "Add frames" });
         ui.add_space(8.0);
         Grid::new("sources")
             .num_columns(2)
