@@ -11,7 +11,7 @@ use super::panel_state::{LabelEditing, MatchView, PointCounts, Presence, TextPro
 use super::panels::{InspectedPoint, MeasureView, Ruler, SceneSelect};
 use super::pointer::HoverDwell;
 use super::steps_state::StepsState;
-use super::{Notices, Prefs, SceneLook, SessionView};
+use super::{Notices, Panes, Prefs, SceneLook, SessionView};
 use ostra_masks::{Direction, LabelId, MaskFormat};
 use ostra_project::{FuseRequest, ReconstructRequest};
 use ostra_session::{InstancesRequest, PromptRequest, SurfaceKind, TrackSettings};
@@ -349,6 +349,16 @@ impl ViewState {
         // A selection is stored with the camera poses from before the change of scale.
         self.scene_select.steps.clear();
         self.inspected_point = None;
+    }
+
+    /// Starts the ruler in the 3-D view, to set the scale by a known length.
+    pub(crate) fn start_ruler(&mut self) {
+        self.ruler.start();
+        self.scene_select.in_hand = false;
+        self.dialog = None;
+        if self.prefs.panes == Panes::Image {
+            self.prefs.panes = Panes::Both;
+        }
     }
 
     /// Returns the settings that track the selected label again around the shown frame.
