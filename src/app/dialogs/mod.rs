@@ -2,6 +2,8 @@
 
 mod export;
 mod export_form;
+mod export_presets;
+mod exported;
 mod forms;
 mod into;
 mod models;
@@ -13,6 +15,7 @@ mod sheet;
 
 pub(super) use export::export_ui;
 pub use export_form::ExportForm;
+pub(super) use exported::exported_ui;
 pub use forms::{
     ImageForm, ModelsForm, NewProjectForm, RelocateForm, ScreenshotRequest, SheetState, Take,
 };
