@@ -56,6 +56,7 @@ pub struct Desk {
     pub conflicts: BTreeMap<usize, FrameConflict>,
     pub traits: Option<Arc<Vec<TraitRow>>>,
     pub angles: Angles,
+    pub unit: LengthUnit,
     pub requested: Vec<Command>,
 }
 
@@ -88,6 +89,7 @@ impl Desk {
             conflicts: BTreeMap::new(),
             traits: None,
             angles: Angles::new(),
+            unit: LengthUnit::Metre,
             requested: Vec::new(),
         }
     }
@@ -132,7 +134,7 @@ impl Desk {
             interactions: 3,
             traits: self.traits.as_ref(),
             angles: Some(&self.angles),
-            unit: LengthUnit::Metre,
+            unit: self.unit,
             conflicts: &self.conflicts,
             vote_mismatch: None,
             estimate: self.project.estimate(|_| 1),
