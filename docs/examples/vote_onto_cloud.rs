@@ -32,7 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         }),
         Command::ImportMasks {
             dir: masks.clone(),
-            format: "davis".to_owned(),
+            format: ostra_masks::MaskFormat::Davis,
         },
         Command::Fuse(FuseRequest {
             onto: Some(cloud.clone()),

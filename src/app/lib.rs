@@ -43,6 +43,7 @@ mod attention;
 mod canvas;
 mod centre;
 mod dialogs;
+mod file_manager;
 mod icons;
 mod leave;
 mod menu;

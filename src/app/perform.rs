@@ -5,7 +5,7 @@ use super::canvas::{clear_label, click_at};
 use super::dialogs::RelocateForm;
 use super::dialogs::{HelpPage, PathRequest, choose_path, typed_path};
 use super::menu::is_possible;
-use super::panels::{InspectedPoint, Ruler, add_label, listed, next_worst, pairs_in};
+use super::panels::{InspectedPoint, add_label, listed, next_worst, pairs_in};
 use super::ranges::{is_range_change, next_uncertain, range_request, set_range, split_at};
 use super::view_state::{IntoRequest, SceneAction};
 use super::{Action, Dialog, Panes, SessionView, Severity, ViewState};
@@ -117,8 +117,8 @@ fn start(
         }),
         Action::Reconstruct => reconstruct(view, out),
         Action::SetScale => {
+            // The points stay, so that the line shows the true length once the scale is set.
             out.extend(view.ruler.command());
-            view.ruler = Ruler::default();
         }
         Action::FindInScene => find_in_scene(session, view),
         Action::Fuse => {

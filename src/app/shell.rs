@@ -5,8 +5,8 @@ use egui::{
 use super::action::Requests;
 use super::centre::{Parts, centre_ui};
 use super::dialogs::{
-    export_ui, help_ui, image_ui, into_ui, models_ui, new_project_ui, palette_ui, path_ui,
-    relocate_ui, sheet_ui, take_picked,
+    export_ui, exported_ui, help_ui, image_ui, into_ui, models_ui, new_project_ui, palette_ui,
+    path_ui, relocate_ui, sheet_ui, take_picked,
 };
 use super::leave::{Leaving, leaving_ui, waiting_ui};
 use super::menu::{is_possible, menu_bar_ui};
@@ -296,6 +296,7 @@ impl Shell {
             Some(Dialog::Help(page)) => help_ui(ui, session, view, page),
             Some(Dialog::Relocate) => relocate_ui(ui, view, &mut requests.commands),
             Some(Dialog::Export) => export_ui(ui, session, view, &mut requests.commands),
+            Some(Dialog::Exported) => exported_ui(ui, view),
             Some(Dialog::Image) => image_ui(ui, view),
             Some(Dialog::Models) => models_ui(ui, session, view, &mut requests.commands),
             Some(Dialog::Shortcuts) => sheet_ui(ui, view),

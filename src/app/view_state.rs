@@ -11,10 +11,10 @@ use super::panel_state::{LabelEditing, MatchView, PointCounts, Presence, TextPro
 use super::panels::{InspectedPoint, MeasureView, Ruler, SceneSelect};
 use super::pointer::HoverDwell;
 use super::steps_state::StepsState;
-use super::{Notices, Prefs, SceneLook, SessionView};
+use super::{Notices, Panes, Prefs, SceneLook, SessionView};
 use ostra_masks::{Direction, LabelId, MaskFormat};
 use ostra_project::{FuseRequest, ReconstructRequest};
-use ostra_session::{InstancesRequest, PromptRequest, SurfaceKind, TrackSettings};
+use ostra_session::{ExportedItem, InstancesRequest, PromptRequest, SurfaceKind, TrackSettings};
 use ostra_view::{Coloring, Layer, RenderRequest, Side};
 
 /// State of the window that is not part of the project, such as the shown frame and tool.
@@ -77,6 +77,10 @@ pub struct ViewState {
     pub guide_page: usize,
     /// Form of the export dialog.
     pub export: ExportForm,
+    /// Files and folders that the last export wrote.
+    pub exported: Vec<ExportedItem>,
+    /// Folder to open in the file manager of the system.
+    pub folder_to_show: Option<PathBuf>,
     /// Form of the dialog that saves the 3-D view.
     pub image: ImageForm,
     /// Requested image or video of the 3-D view.
@@ -206,6 +210,8 @@ pub enum Dialog {
     Relocate,
     /// Exports results to files.
     Export,
+    /// Lists what an export wrote.
+    Exported,
     /// Saves the 3-D view as an image or video.
     Image,
     /// Lists and installs networks.
@@ -266,6 +272,8 @@ impl ViewState {
             adapter: None,
             guide_page: 0,
             export: ExportForm::default(),
+            exported: Vec::new(),
+            folder_to_show: None,
             image: ImageForm::default(),
             screenshot_request: None,
             portrait: None,
@@ -366,6 +374,28 @@ impl ViewState {
         // A selection is stored with the camera poses from before the change of scale.
         self.scene_select.steps.clear();
         self.inspected_point = None;
+    }
+
+    /// Lists what an export wrote; while the user draws or answers a dialog, only in a note.
+    pub(super) fn show_exported(&mut self, items: Vec<ExportedItem>) {
+        let folder = items.first().and_then(|item| item.path.parent());
+        if let Some(folder) = folder {
+            self.note = format!("Exported to {}", folder.display());
+        }
+        if self.is_free() {
+            self.dialog = Some(Dialog::Exported);
+        }
+        self.exported = items;
+    }
+
+    /// Starts the ruler in the 3-D view, to set the scale by a known length.
+    pub(crate) fn start_ruler(&mut self) {
+        self.ruler.start();
+        self.scene_select.in_hand = false;
+        self.dialog = None;
+        if self.prefs.panes == Panes::Image {
+            self.prefs.panes = Panes::Both;
+        }
     }
 
     /// Returns the settings that track the selected label again around the shown frame.

@@ -8,6 +8,7 @@ use egui::{Context, ViewportBuilder, ViewportCommand};
 
 use super::attention::{Attention, title_with_progress};
 use super::dialogs::{PathPicker, ScreenshotRequest, Take};
+use super::file_manager::open_folder;
 use super::opening::{MakeExample, Opening, example_folder, open_dropped, open_paths};
 use super::option_names::in_window_words;
 use super::theme::set_theme;
@@ -144,13 +145,20 @@ impl Window {
 
     /// Processes the events since the last call; takes little time.
     pub fn poll(&mut self, ctx: &Context) {
+        let mut has_noticed = false;
         for event in self.session.poll() {
+            // What a job reports at its end says more than that it is done.
+            let is_end = matches!(event, Event::Finished { .. });
+            let keeps_note = is_end && std::mem::take(&mut has_noticed);
+            has_noticed |= matches!(event, Event::Notice(_) | Event::Exported(_));
             if self.attention.is_due(&event, Instant::now()) && !ctx.input(|input| input.focused) {
                 ctx.send_viewport_cmd(ViewportCommand::RequestUserAttention(
                     egui::UserAttentionType::Informational,
                 ));
             }
-            self.take(event);
+            if !keeps_note {
+                self.take(event);
+            }
         }
         self.follow_frames(ctx);
         let title = self.window_title();
@@ -225,6 +233,11 @@ impl Window {
         if std::mem::take(&mut self.shell.view.dismisses_unfinished) {
             self.session.dismiss_unfinished();
         }
+        if let Some(folder) = self.shell.view.folder_to_show.take()
+            && let Err(error) = open_folder(&folder)
+        {
+            self.fail(&format!("{error:#}"));
+        }
         if let Some(target) = self.shell.view.recipe_to.take() {
             self.save_recipe(&target);
         }
@@ -287,6 +300,7 @@ impl Window {
             Event::Failed { error, .. } => self.fail(&error),
             Event::Warning(text) => self.tell(Severity::Warning, &text),
             Event::Notice(text) => self.shell.view.note = text,
+            Event::Exported(items) => self.shell.view.show_exported(items),
             Event::Finished { title, .. } => self.shell.view.note = format!("{title}: done"),
             Event::Stopped { title, .. } => {
                 self.shell.view.draft.forget_sent();

@@ -65,10 +65,23 @@ pub enum Event {
     ModelsChanged,
     /// The sparse model of the cameras was loaded.
     SparseChanged,
+    /// An export was written.
+    Exported(Vec<ExportedItem>),
     /// Information for the user, e.g. which tracker was selected.
     Notice(String),
     /// A problem that the user should check; the work went on.
     Warning(String),
+}
+
+/// A file or folder that an export wrote.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ExportedItem {
+    /// The file or folder.
+    pub path: PathBuf,
+    /// Number of files in a folder; `None` for a file.
+    pub files: Option<usize>,
+    /// Size in bytes, for a folder of all its files.
+    pub bytes: u64,
 }
 
 /// A running job, as window and command line show it.

@@ -72,7 +72,7 @@ mod unfinished;
 pub use command::{Command, NewProject, Recipe};
 pub use drawings::Drawings;
 pub use engine_table::{EngineInfo, EngineKind, list_engines};
-pub use event::{Event, JobView};
+pub use event::{Event, ExportedItem, JobView};
 pub use grounding::{FoundThing, Grounding};
 pub use images::Images;
 pub use job_task::{JobTask, JobTitle};

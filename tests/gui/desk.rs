@@ -62,6 +62,7 @@ pub struct Desk {
     pub size: Vec2,
     /// Whether files hover over the window.
     pub dragged: bool,
+    pub unit: LengthUnit,
     pub requested: Vec<Command>,
 }
 
@@ -99,6 +100,7 @@ impl Desk {
             angles: Angles::new(),
             size: Vec2::new(1400.0, 900.0),
             dragged: false,
+            unit: LengthUnit::Metre,
             requested: Vec::new(),
         }
     }
@@ -146,7 +148,7 @@ impl Desk {
             interactions: 3,
             traits: self.traits.as_ref(),
             angles: Some(&self.angles),
-            unit: LengthUnit::Metre,
+            unit: self.unit,
             conflicts: &self.conflicts,
             vote_mismatch: None,
             estimate: self.project.estimate(|_| 1),

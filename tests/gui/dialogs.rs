@@ -9,8 +9,11 @@ use ostra_cloud::measure::GroundChoice;
 use ostra_compute::nn::Installed;
 use ostra_frames::FrameFolder;
 use ostra_frames::cameras::ModelEncoding;
+use ostra_masks::MaskFormat;
+use ostra_project::ExportRequest;
 use ostra_session::{
-    Command, FoundCameras, FoundDepth, ModelRequest, ModelTask, NewProject, RecentProject, Survey,
+    Command, ExportedItem, FoundCameras, FoundDepth, ModelRequest, ModelTask, NewProject,
+    RecentProject, Survey,
 };
 
 use crate::desk::{Desk, press};
@@ -195,21 +198,46 @@ fn help_pages_open_from_the_menu() {
     }
 }
 
+/// Opens the export dialog of a desk.
+fn exporting(desk: Desk) -> egui_kittest::Harness<'static, Desk> {
+    let mut harness = desk.shown();
+    let ctrl = Modifiers {
+        ctrl: true,
+        command: true,
+        ..Modifiers::NONE
+    };
+    press(&mut harness, ctrl, Key::E);
+    assert_eq!(harness.state().shell.view.dialog, Some(Dialog::Export));
+    harness
+}
+
+/// Replaces the suggested folder.
+fn export_into(harness: &mut egui_kittest::Harness<'_, Desk>, folder: &str) {
+    harness.get_by_label("Export folder").focus();
+    harness.run_steps(2);
+    press(harness, Modifiers::COMMAND, Key::A);
+    harness.event(egui::Event::Text(folder.into()));
+    harness.run_steps(2);
+}
+
+/// Selects "Write files" and returns the request.
+fn written(harness: &mut egui_kittest::Harness<'_, Desk>) -> ExportRequest {
+    harness.get_by_label("Write files").click();
+    harness.run_steps(2);
+    let Some(Command::Export(request)) = harness.state_mut().requested.pop() else {
+        panic!("nothing is exported")
+    };
+    request
+}
+
 #[test]
 fn export_writes_the_checked_outputs() {
-    let mut harness = Desk::sample().shown();
-    press(
-        &mut harness,
-        Modifiers {
-            ctrl: true,
-            command: true,
-            ..Modifiers::NONE
-        },
-        Key::E,
-    );
-    assert_eq!(harness.state().shell.view.dialog, Some(Dialog::Export));
+    let mut harness = exporting(Desk::sample());
     harness.get_all_by_label("Masks").last().unwrap().click();
     harness.get_by_label("Undistorted").click();
+    harness.get_by_label("Traits").click();
+    harness.get_by_label("Advanced options").click();
+    harness.run_steps(30);
     harness.get_by_label("binary").click();
     harness.run_steps(2);
     harness.get_by_label("Ground").click();
@@ -217,25 +245,14 @@ fn export_writes_the_checked_outputs() {
     harness.get_by_label("given as numbers").click();
     harness.run_steps(3);
     assert_eq!(harness.unnamed_widgets(), Vec::<String>::new());
-    type_into(&mut harness, "Export folder", "/out");
-    harness.get_by_label("Write files").click();
-    harness.run_steps(2);
-    let Command::Export(request) = &harness.state().requested[0] else {
-        panic!("{:?}", harness.state().requested)
-    };
-    assert_eq!(
-        request.cloud.as_deref(),
-        Some(std::path::Path::new("/out/cloud.ply"))
-    );
-    assert_eq!(
-        request.masks.as_deref(),
-        Some(std::path::Path::new("/out/masks"))
-    );
+    export_into(&mut harness, "/out");
+    let request = written(&mut harness);
+    let path = |name: &str| Some(std::path::PathBuf::from(name));
+    assert_eq!(request.cloud, path("/out/cloud.ply"));
+    assert_eq!(request.masks, path("/out/masks"));
+    assert_eq!(request.traits, path("/out/traits.csv"));
     assert_eq!(request.cameras, None);
-    assert_eq!(
-        request.undistorted.as_deref(),
-        Some(std::path::Path::new("/out/undistorted"))
-    );
+    assert_eq!(request.undistorted, path("/out/undistorted"));
     assert_eq!(request.camera_encoding, ModelEncoding::Binary);
     assert_eq!(
         request.ground,
@@ -246,10 +263,103 @@ fn export_writes_the_checked_outputs() {
     );
 }
 
-const DIALOGS: [Dialog; 8] = [
+#[test]
+fn export_presets_need_two_clicks_and_suggest_a_folder() {
+    let dir = tempfile::tempdir().unwrap();
+    let with = |preset: &str| {
+        let mut harness = exporting(Desk {
+            root: Some(dir.path().join("rice")),
+            ..Desk::sample()
+        });
+        harness.get_by_label(preset).click();
+        harness.run_steps(2);
+        written(&mut harness)
+    };
+    let path = |name: &str| Some(dir.path().join("rice-export").join(name));
+    let traits = with("Plant traits");
+    assert_eq!((traits.traits, traits.cloud), (path("traits.csv"), None));
+    let masks = with("COCO masks");
+    assert_eq!((masks.masks, masks.cloud), (path("masks"), None));
+    assert_eq!(masks.mask_format, Some(MaskFormat::Coco));
+    let cloud = with("Labelled cloud for CloudCompare");
+    assert_eq!((cloud.cloud, cloud.twin), (path("cloud.ply"), true));
+    assert_eq!((cloud.masks, cloud.traits), (None, None));
+    let all = with("Everything");
+    assert!(all.cloud.is_some() && all.masks.is_some() && all.traits.is_some());
+    assert!(all.cameras.is_some() && all.undistorted.is_some());
+}
+
+#[test]
+fn export_hides_options_of_what_is_not_ticked_and_fits_a_small_window() {
+    let mut harness = exporting(Desk::sample());
+    harness.set_size(egui::vec2(800.0, 600.0));
+    harness.run_steps(4);
+    assert!(
+        harness.query_by_label("Cloud format").is_none(),
+        "options are closed"
+    );
+    harness.get_by_label("Advanced options").click();
+    harness.run_steps(30);
+    harness.get_by_label("Cloud format");
+    for hidden in [
+        "Mesh format",
+        "Voxel format",
+        "Mask format",
+        "Ground",
+        "binary",
+    ] {
+        assert!(harness.query_by_label(hidden).is_none(), "{hidden}");
+    }
+    harness.get_by_label("Everything").click();
+    harness.run_steps(4);
+    for shown in ["Mask format", "Ground", "binary"] {
+        harness.get_by_label(shown);
+    }
+    let window = egui::Rect::from_min_size(egui::Pos2::ZERO, egui::vec2(800.0, 600.0));
+    for button in ["Write files", "Cancel", "Plant traits"] {
+        let rect = harness.get_by_label(button).rect();
+        assert!(window.contains_rect(rect), "{button} at {rect}");
+    }
+    let empty = exporting(Desk {
+        cloud: None,
+        ..Desk::sample()
+    });
+    let traits = empty.get_by_label("Plant traits");
+    assert!(traits.accesskit_node().is_disabled(), "there is no cloud");
+}
+
+#[test]
+fn written_files_are_listed_and_their_folder_is_shown() {
+    let mut desk = Desk::sample();
+    let item = |path: &str, files, bytes| ExportedItem {
+        path: path.into(),
+        files,
+        bytes,
+    };
+    desk.shell.view.exported = vec![
+        item("/out/cloud.ply", None, 12_300_000),
+        item("/out/masks", Some(16), 45_000),
+    ];
+    desk.shell.view.dialog = Some(Dialog::Exported);
+    let mut harness = desk.shown();
+    let masks = format!("masks{}, 16 files", std::path::MAIN_SEPARATOR);
+    for text in ["cloud.ply", "12.3 MB", &masks, "45.0 kB"] {
+        harness.get_by_label(text);
+    }
+    harness.get_by_label("Show in folder").click();
+    harness.run_steps(2);
+    let view = &harness.state().shell.view;
+    assert_eq!(view.folder_to_show, Some("/out".into()));
+    harness.get_by_label("Close list of files").click();
+    harness.run_steps(2);
+    assert_eq!(harness.state().shell.view.dialog, None);
+}
+
+const DIALOGS: [Dialog; 9] = [
     Dialog::NewProject,
     Dialog::AddFrames,
     Dialog::Export,
+    Dialog::Exported,
     Dialog::Models,
     Dialog::Shortcuts,
     Dialog::Palette,

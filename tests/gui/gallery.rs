@@ -24,7 +24,7 @@ use crate::desk::{Desk, image};
 
 type Scene = (&'static str, fn() -> Desk, fn(&mut Desk));
 
-const SCENES: [Scene; 19] = [
+const SCENES: [Scene; 22] = [
     ("shelf", shelf, |_| ()),
     ("shelf_labels", shelf, |desk| {
         desk.shell.view.coloring = Coloring::Label;
@@ -69,6 +69,48 @@ const SCENES: [Scene; 19] = [
     }),
     ("export", Desk::sample, |desk| {
         desk.shell.view.dialog = Some(Dialog::Export);
+    }),
+    ("exported", Desk::sample, |desk| {
+        desk.shell.view.dialog = Some(Dialog::Exported);
+        let item = |path: &str, files, bytes| ostra_session::ExportedItem {
+            path: path.into(),
+            files,
+            bytes,
+        };
+        desk.shell.view.exported = vec![
+            item("/projects/tiller-export/cloud.ply", None, 48_200_000),
+            item("/projects/tiller-export/traits.csv", None, 5_321),
+            item("/projects/tiller-export/masks", Some(17), 812_000),
+        ];
+    }),
+    ("ruler", Desk::sample, |desk| {
+        desk.unit = ostra_cloud::measure::LengthUnit::World;
+        let ruler = &mut desk.shell.view.ruler;
+        ruler.start();
+        ruler.points = vec![
+            glam::Vec3::new(-0.4, -0.4, 0.0),
+            glam::Vec3::new(0.4, 0.2, 0.0),
+        ];
+        ruler.length = 20.0;
+        let record = ostra_project::ResultRecord {
+            coordinates: Some(ostra_project::Coordinates {
+                world: 1,
+                scale: 1.0,
+                unit: ostra_cloud::measure::LengthUnit::World,
+            }),
+            ..Default::default()
+        };
+        let results = &mut desk.project.results;
+        results.insert(ostra_project::ResultKind::Cameras, record);
+    }),
+    ("ruler_alone", Desk::sample, |desk| {
+        desk.shell.view.prefs.panes = Panes::Scene;
+        desk.shell.view.ruler.start();
+        desk.shell.view.ruler.points = vec![
+            glam::Vec3::new(-0.4, -0.4, 0.0),
+            glam::Vec3::new(0.4, 0.2, 0.0),
+            glam::Vec3::new(0.4, -0.4, 0.0),
+        ];
     }),
     ("networks", Desk::sample, |desk| {
         desk.shell.view.dialog = Some(Dialog::Models);

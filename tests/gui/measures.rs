@@ -4,18 +4,20 @@ use std::sync::Arc;
 
 use egui::{Key, Modifiers};
 use egui_kittest::Harness;
-use egui_kittest::kittest::Queryable;
+use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
+use ostra_app::{Dialog, InspectedPoint};
 use ostra_cloud::LabelledCloud;
 use ostra_cloud::measure::{
     Dimension, GroundChoice, LengthUnit, MeasureOptions, TraitRow, measure,
 };
 use ostra_core::job::Progress;
 use ostra_masks::LabelId;
-use ostra_project::ExportRequest;
+use ostra_project::workflow::WorkflowStep;
+use ostra_project::{Coordinates, ExportRequest, ResultKind, ResultRecord, ScaleEnd, ScaleRequest};
 use ostra_session::Command;
 
-use crate::desk::{Desk, press, tree};
+use crate::desk::{Desk, open_step, press, tree};
 
 /// Returns the traits of a flat leaf of 10 × 100 mm and a flat pot of 40 × 40 mm.
 fn traits() -> Vec<TraitRow> {
@@ -273,7 +275,6 @@ fn ruler_measures_lines_and_angles_and_undoes_clicks() {
     );
     press(&mut harness, Modifiers::NONE, Key::Backspace);
     assert!(reads(&harness, "30.00 cm"));
-    harness.get_by_label("Set scale");
     harness.get_by_label("Undo click").click();
     harness.run_steps(2);
     harness.get_by_label("Click the next point");
@@ -284,4 +285,160 @@ fn ruler_measures_lines_and_angles_and_undoes_clicks() {
     }
     harness.run_steps(2);
     assert!(reads(&harness, "90.0°"));
+}
+
+/// Returns a desk whose scale is unknown, with the cloud of the sample.
+fn without_scale() -> Desk {
+    let mut desk = Desk::sample();
+    desk.unit = LengthUnit::World;
+    let record = ResultRecord {
+        coordinates: Some(Coordinates {
+            world: 1,
+            scale: 1.0,
+            unit: LengthUnit::World,
+        }),
+        ..ResultRecord::default()
+    };
+    desk.project.results.insert(ResultKind::Cameras, record);
+    desk.traits = Some(Arc::new(traits()));
+    desk
+}
+
+#[test]
+fn true_length_sets_the_scale_and_the_bar_keeps_its_size() {
+    let mut harness = without_scale().shown();
+    harness.get_by_label("Ruler").click();
+    harness.run_steps(2);
+    let places = |harness: &Harness<'_, Desk>| {
+        ["3-D view", "Set scale", "True length", "Clear"]
+            .map(|name| harness.get_all_by_label(name).last().unwrap().rect())
+    };
+    let before = places(&harness);
+    let is_off = |harness: &Harness<'_, Desk>| {
+        let button = harness.get_by_label("Set scale");
+        button.accesskit_node().is_disabled()
+    };
+    assert!(is_off(&harness));
+    for at in [Vec3::ZERO, 0.4 * Vec3::X] {
+        harness.state_mut().shell.view.ruler.click(at);
+        harness.run_steps(2);
+        assert_eq!(places(&harness), before);
+    }
+    assert!(is_off(&harness), "the true length is not given");
+    harness.get_by_label("Ruler point 1");
+    harness.get_by_label("Ruler point 2");
+    harness.get_by_label("Ruler: 0.4000 units");
+    assert_eq!(harness.unnamed_widgets(), Vec::<String>::new());
+
+    harness.state_mut().shell.view.ruler.length = 20.0;
+    harness.run_steps(2);
+    assert_eq!(places(&harness), before);
+    harness.get_by_label("Set scale").click();
+    harness.run_steps(2);
+    let request = ScaleRequest {
+        ends: [Vec3::ZERO, 0.4 * Vec3::X].map(|end| ScaleEnd::World(end.as_dvec3())),
+        length: 0.2,
+    };
+    assert_eq!(harness.state().requested, [Command::Scale(request)]);
+
+    // The window scales the points with the scene.
+    let desk = harness.state_mut();
+    desk.unit = LengthUnit::Metre;
+    desk.shell.scale_by(0.5);
+    harness.run_steps(2);
+    harness.get_by_label("Ruler: 0.2000 m");
+}
+
+#[test]
+fn unknown_scale_is_reported_next_to_every_measure_until_it_is_set() {
+    let bar = "Scale unknown – measure a length";
+    let button = "Measure a known length";
+    let starts = |harness: &mut Harness<'_, Desk>, button: &str| {
+        harness.get_by_label(button).click();
+        harness.run_steps(4);
+        let view = &mut harness.state_mut().shell.view;
+        assert!(view.ruler.in_hand, "{button}");
+        assert_eq!(view.dialog, None);
+        view.ruler.in_hand = false;
+        harness.run_steps(2);
+    };
+    let mut harness = without_scale().shown();
+    starts(&mut harness, bar);
+    open_step(&mut harness, WorkflowStep::Label);
+    press(&mut harness, Modifiers::NONE, Key::F8);
+    starts(&mut harness, button);
+    press(&mut harness, Modifiers::NONE, Key::F8);
+    open_step(&mut harness, WorkflowStep::Measure);
+    starts(&mut harness, button);
+    open_step(&mut harness, WorkflowStep::Label);
+    harness.state_mut().shell.view.dialog = Some(Dialog::Export);
+    harness.run_steps(3);
+    harness.get_by_label("Plant traits").click();
+    harness.run_steps(3);
+    starts(&mut harness, button);
+    let desk = harness.state_mut();
+    let point = InspectedPoint::new(desk.cloud.as_ref().unwrap(), None, 3);
+    desk.shell.view.inspected_point = Some(point);
+    harness.run_steps(4);
+    starts(&mut harness, button);
+
+    harness.state_mut().unit = LengthUnit::Metre;
+    open_step(&mut harness, WorkflowStep::Measure);
+    assert!(harness.query_by_label_contains("Scale unknown").is_none());
+    assert!(harness.query_by_label(button).is_none());
+    let results = &mut harness.state_mut().project.results;
+    results.remove(&ResultKind::Cameras);
+    harness.run_steps(4);
+    harness.get_by_label("Metres only if the given cameras are –");
+    starts(&mut harness, button);
+}
+
+#[test]
+fn cloud_older_than_the_scale_has_no_unit_and_asks_to_fuse() {
+    let mut desk = without_scale();
+    let cameras = desk.project.results.get_mut(&ResultKind::Cameras).unwrap();
+    cameras.coordinates.as_mut().unwrap().unit = LengthUnit::Metre;
+    desk.shell.view.ruler.points = vec![Vec3::ZERO, 0.4 * Vec3::X];
+    desk.shell.view.ruler.in_hand = true;
+    desk.shell.view.ruler.length = 20.0;
+    desk.shell.view.measures.unit = Some(LengthUnit::Centimetre);
+    let harness = desk.shown();
+    harness.get_by_label("Older than the scale – fuse again");
+    harness.get_by_label("Ruler: 0.4000 units");
+    let button = harness.get_by_label("Set scale");
+    assert!(button.accesskit_node().is_disabled());
+}
+
+#[test]
+fn volume_is_that_of_the_solid_and_missing_for_an_open_surface() {
+    let count = 4000;
+    let ball = (0..count).map(|k| {
+        let z = 1.0 - 2.0 * (k as f32 + 0.5) / count as f32;
+        let (sin, cos) = (2.399_963 * k as f32).sin_cos();
+        0.05 * Vec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z)
+    });
+    let leaf = (0..1000).map(|k| Vec3::new((k % 10) as f32, (k / 10) as f32, 50.0) * 0.01);
+    let mut cloud = LabelledCloud::from_positions(ball.chain(leaf).collect());
+    cloud.labels = [vec![LabelId(3); count], vec![LabelId(2); 1000]].concat();
+    cloud.tree = tree();
+    let rows = measure(&cloud, &MeasureOptions::default(), &Progress::default()).unwrap();
+    let volume = |id: u16| {
+        rows.iter()
+            .find(|row| row.id == LabelId(id) && row.name == "volume" && row.instance == 0)
+    };
+    let exact = 4.0 / 3.0 * std::f64::consts::PI * 0.05_f64.powi(3);
+    let of_ball = volume(3).unwrap();
+    assert!((of_ball.value / exact - 1.0).abs() < 0.02, "{of_ball:?}");
+    assert_eq!(volume(2), None);
+    let text = LengthUnit::Metre.text(of_ball.value, Dimension::Volume);
+    let mut harness = Desk {
+        traits: Some(Arc::new(rows)),
+        ..Desk::sample()
+    }
+    .shown();
+    press(&mut harness, Modifiers::NONE, Key::F8);
+    harness.get_by_label("Sort by Volume").click();
+    harness.run_steps(2);
+    assert_eq!(order(&harness)[0], "pot");
+    assert!(harness.query_all_by_label(&text).next().is_some(), "{text}");
 }

@@ -9,8 +9,8 @@ use ostra_cloud::measure::LengthUnit;
 use ostra_cloud::ply::{read_mesh, read_ply};
 use ostra_core::job::Progress;
 use ostra_geometry::{Camera, Pose};
-use ostra_project::{ScaleEnd, ScaleRequest};
-use ostra_session::{Command, Session};
+use ostra_project::{ExportRequest, ScaleEnd, ScaleRequest};
+use ostra_session::{Command, Event, JobCompletion, JobKind, Session};
 use tempfile::TempDir;
 
 use super::recording::Recording;
@@ -732,7 +732,9 @@ fn lengths_have_a_unit_only_after_the_scale_is_set() {
         ends: [world(0.0), world(1.0)],
         length: 0.25,
     };
-    perform(&mut session, Command::Scale(request.clone())).unwrap();
+    let events = perform(&mut session, Command::Scale(request.clone())).unwrap();
+    let is_set = |event: &Event| matches!(event, Event::Notice(text) if text.starts_with("Scale set: 1 unit = 0.25 m"));
+    assert!(events.iter().any(is_set), "{events:?}");
     assert_eq!(session.length_unit(), LengthUnit::Metre);
     perform(&mut session, Command::Undo).unwrap();
     assert_eq!(session.length_unit(), LengthUnit::World);
@@ -753,6 +755,130 @@ fn lengths_have_a_unit_only_after_the_scale_is_set() {
         std::fs::read(Path::new(&project).join("cloud.ply")).unwrap(),
         cloud
     );
+}
+
+#[test]
+fn cloud_of_earlier_cameras_is_not_scaled_and_never_metric() {
+    let photos = Photos::new(5);
+    let project = photos.project("project", &[]);
+    done(&["reconstruct", &project, "--method", "sfm"]);
+    done(&["label", &project, "sheet"]);
+    done(&["masks", &project, "import", &photos.path("masks")]);
+    let [text, given] = ["points.txt", "points.ply"].map(|name| photos.path(name));
+    std::fs::copy(Path::new(&project).join("sparse/points3D.txt"), &text).unwrap();
+    write_points(&text, &given);
+    done(&["fuse", &project, "--onto", &given]);
+    // Cameras that are estimated again have axes of their own.
+    done(&["reconstruct", &project, "--method", "sfm"]);
+    let cloud = || std::fs::read(Path::new(&project).join("cloud.ply")).unwrap();
+    let before = cloud();
+    let scale: [&str; 6] = ["scale", &project, "--length", "100", "--unit", "mm"];
+    let args = [scale.map(str::to_owned).to_vec(), photos.ends()].concat();
+    let message = done_with_both(&args);
+    assert!(
+        message.contains("keeps its size, without a unit"),
+        "{message}"
+    );
+    assert_eq!(cloud(), before);
+
+    let csv = photos.path("traits.csv");
+    for unit in ["m", "cm", "mm"] {
+        let message = refused(&["export", &project, "--traits", &csv, "--unit", unit]);
+        assert!(message.contains("older than the scale"), "{message}");
+    }
+    let unit_of = |state: &str| {
+        let mut session = Session::new();
+        perform(&mut session, Command::Open(project.clone().into())).unwrap();
+        assert_eq!(session.length_unit(), LengthUnit::World, "{state}");
+        drop(session);
+        done(&["export", &project, "--traits", &csv]);
+        let text = std::fs::read_to_string(&csv).unwrap();
+        assert!(text.contains(",units,") && !text.contains(",m,"), "{state}");
+    };
+    unit_of("scaled");
+    step(&project, Command::Undo);
+    unit_of("undone");
+    step(&project, Command::Redo);
+    unit_of("redone");
+}
+
+#[test]
+fn scale_is_refused_while_a_long_job_runs_and_done_after_it() {
+    let fused = Fused::new();
+    let project = fused.project();
+    let mut session = Session::new();
+    perform(&mut session, Command::Open(project.clone().into())).unwrap();
+    let (end, running) = std::sync::mpsc::channel::<()>();
+    session.start("Track", JobKind::Long, move |_| {
+        let _ = running.recv();
+        Ok(Box::new(|_: &mut Session| Ok(())) as JobCompletion)
+    });
+    let request = ScaleRequest {
+        ends: [world(0.0), world(1.0)],
+        length: 0.25,
+    };
+    let scale = Command::Scale(request);
+    let positions = || {
+        let cloud = read_ply(&Path::new(&project).join("cloud.ply"), &Progress::default());
+        cloud.unwrap().cloud.positions
+    };
+    let before = positions();
+    let refused = session.act(scale.clone()).unwrap_err().to_string();
+    assert!(
+        refused.contains("'Track' is still running; wait for it or stop it"),
+        "{refused}"
+    );
+    drop(end);
+    session.settle(|_| std::ops::ControlFlow::Continue(()));
+    assert_eq!(positions(), before, "nothing was scaled");
+    perform(&mut session, scale).unwrap();
+    assert_scaled("cloud", &before, &positions(), 0.25);
+    let in_memory = &session.cloud().unwrap().positions;
+    assert_scaled("cloud in memory", &before, in_memory, 0.25);
+    perform(&mut session, Command::Undo).unwrap();
+    assert_eq!(positions(), before);
+}
+
+#[test]
+fn export_lists_what_it_wrote_with_sizes() {
+    let fused = Fused::new();
+    let mut session = Session::new();
+    perform(&mut session, Command::Open(fused.project().into())).unwrap();
+    let folder = fused.dir.path().join("out");
+    let request = ExportRequest {
+        cloud: Some(folder.join("cloud.ply")),
+        twin: true,
+        masks: Some(folder.join("masks")),
+        ..ExportRequest::default()
+    };
+    let events = perform(&mut session, Command::Export(request)).unwrap();
+    let items = events
+        .into_iter()
+        .find_map(|event| match event {
+            Event::Exported(items) => Some(items),
+            _ => None,
+        })
+        .unwrap();
+    let size = |path: &Path| std::fs::metadata(path).unwrap().len();
+    for item in items.iter().filter(|item| item.files.is_none()) {
+        assert_eq!(item.bytes, size(&item.path), "{}", item.path.display());
+    }
+    let named = |name: &str| items.iter().find(|item| item.path.ends_with(name));
+    assert!(named("cloud.ply").is_some() && named("cloud_labels.ply").is_some());
+    let masks = named("masks").unwrap();
+    let in_folder: Vec<_> = contents(&masks.path)
+        .into_iter()
+        .filter(|(path, _)| {
+            !path
+                .file_name()
+                .unwrap()
+                .as_encoded_bytes()
+                .starts_with(b".")
+        })
+        .collect();
+    assert_eq!(masks.files, Some(in_folder.len()));
+    let bytes: usize = in_folder.iter().map(|(_, bytes)| bytes.len()).sum();
+    assert_eq!(masks.bytes, bytes as u64);
 }
 
 /// Writes the points of a COLMAP text file as a PLY.

@@ -1,5 +1,7 @@
 //! State of the export dialog.
 
+use std::path::{Path, PathBuf};
+
 use egui::{ComboBox, Ui};
 
 use super::picker::typed_path;
@@ -35,6 +37,8 @@ pub struct ExportForm {
     pub(super) overwrite: bool,
     /// Share of the mesh's triangles to keep, in percent.
     pub(super) kept: u32,
+    /// Whether a folder was suggested; the user may have emptied the field since.
+    pub(super) is_suggested: bool,
 }
 
 impl Default for ExportForm {
@@ -60,11 +64,62 @@ impl Default for ExportForm {
             solid: false,
             overwrite: false,
             kept: 100,
+            is_suggested: false,
         }
     }
 }
 
+/// Kinds of results that are ticked and available.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct Ticked {
+    pub(super) cloud: bool,
+    pub(super) mesh: bool,
+    pub(super) voxels: bool,
+    pub(super) masks: bool,
+    pub(super) cameras: bool,
+    pub(super) undistorted: bool,
+    pub(super) depths: bool,
+    pub(super) traits: bool,
+}
+
+impl Ticked {
+    /// Returns whether one of these results has labels.
+    pub(super) fn has_labels(self) -> bool {
+        self.cloud || self.mesh || self.voxels || self.masks || self.traits
+    }
+}
+
 impl ExportForm {
+    /// Returns the kinds of results that are ticked and available.
+    pub(super) fn ticked(&self, has: &Available) -> Ticked {
+        Ticked {
+            cloud: self.cloud && has.cloud,
+            mesh: self.mesh && has.surface,
+            voxels: self.voxels && has.surface,
+            masks: self.masks && has.masks,
+            cameras: self.cameras && has.cameras,
+            undistorted: self.undistorted && has.cameras,
+            depths: self.depths && has.depths,
+            traits: self.traits && has.cloud,
+        }
+    }
+
+    /// Suggests a new folder next to the project, once.
+    pub(super) fn suggest_folder(&mut self, session: &SessionView<'_>) {
+        if std::mem::replace(&mut self.is_suggested, true) || !self.into.is_empty() {
+            return;
+        }
+        let open = session.root.or(session.inspected);
+        if let Some(folder) = open.and_then(|path| free_folder(path, dirs::document_dir())) {
+            self.into = folder.display().to_string();
+        }
+    }
+
+    /// Returns the files that masks are written as.
+    pub(super) fn mask_text(&self) -> &'static str {
+        mask_format_text(self.mask_format)
+    }
+
     /// Returns the export request, or `None` without a folder or anything to export.
     ///
     /// Unit, ground and angles of traits are those of the traits window.
@@ -136,7 +191,29 @@ impl ExportForm {
     }
 }
 
+/// Returns a folder `NAME-export` next to a project or file that does not exist yet.
+///
+/// Without write permission there, it is in `documents`.
+fn free_folder(path: &Path, documents: Option<PathBuf>) -> Option<PathBuf> {
+    let name = path.file_stem()?.to_string_lossy();
+    let is_writable = |folder: &Path| {
+        let data = std::fs::metadata(folder);
+        data.is_ok_and(|data| !data.permissions().readonly())
+    };
+    let parent = path.parent()?;
+    let parent = match documents {
+        Some(documents) if !is_writable(parent) => documents,
+        _ => parent.to_owned(),
+    };
+    let numbered = |number: usize| match number {
+        1 => parent.join(format!("{name}-export")),
+        _ => parent.join(format!("{name}-export-{number}")),
+    };
+    (1..100).map(numbered).find(|folder| !folder.exists())
+}
+
 /// Results that can be exported.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Available {
     pub(super) cloud: bool,
     pub(super) surface: bool,
@@ -188,19 +265,38 @@ pub(super) fn mask_format_ui(ui: &mut Ui, name: &str, chosen: &mut MaskFormat) {
 /// Returns the name of a mask format in the window.
 fn mask_format_text(format: MaskFormat) -> &'static str {
     match format {
-        MaskFormat::Davis => "palette PNG a frame (DAVIS)",
-        MaskFormat::Binary => "black and white PNG a label and frame",
-        MaskFormat::Coco => "COCO JSON with run lengths",
-        MaskFormat::Yolo => "YOLO outlines",
+        MaskFormat::Davis => "indexed PNG per frame (DAVIS)",
+        MaskFormat::Binary => "black and white PNG per label and frame",
+        MaskFormat::Coco => "one COCO JSON file",
+        MaskFormat::Yolo => "YOLO outlines, one file per frame",
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tempfile::tempdir;
+
     use ostra_cloud::measure::{GroundChoice, LengthUnit};
     use ostra_masks::LabelId;
     use ostra_session::MeasureSettings;
+
+    #[test]
+    fn suggested_folder_is_next_to_the_project_and_new() {
+        let dir = tempdir().unwrap();
+        let project = dir.path().join("rice");
+        let suggested = || free_folder(&project, None).unwrap();
+        assert_eq!(suggested(), dir.path().join("rice-export"));
+        std::fs::create_dir(dir.path().join("rice-export")).unwrap();
+        assert_eq!(suggested(), dir.path().join("rice-export-2"));
+        let ply = dir.path().join("pot.ply");
+        assert_eq!(free_folder(&ply, None), Some(dir.path().join("pot-export")));
+        let elsewhere = free_folder(
+            Path::new("/nowhere/rice"),
+            Some(dir.path().join("Documents")),
+        );
+        assert_eq!(elsewhere, Some(dir.path().join("Documents/rice-export")));
+    }
 
     #[test]
     fn only_available_and_ticked_results_are_exported() {

@@ -39,7 +39,7 @@ pub(crate) fn into_ui(
         chosen = choice_ui(ui, session, label.id);
         ui.add_space(6.0);
         ui.button("Cancel")
-            .on_hover_text("Changes nothing (Esc)")
+            .on_hover_text("Change nothing (Esc)")
             .clicked()
     });
     if let Some(into) = chosen {

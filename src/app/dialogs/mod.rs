@@ -2,6 +2,8 @@
 
 mod export;
 mod export_form;
+mod export_presets;
+mod exported;
 mod forms;
 mod help;
 mod help_page;
@@ -17,6 +19,7 @@ mod survey;
 
 pub(super) use export::export_ui;
 pub use export_form::ExportForm;
+pub(super) use exported::exported_ui;
 pub use forms::{ImageForm, ModelsForm, RelocateForm, ScreenshotRequest, SheetState, Take};
 pub(super) use help::help_ui;
 pub use help_page::HelpPage;

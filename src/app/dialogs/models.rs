@@ -20,11 +20,11 @@ pub(crate) fn models_ui(
     let response = modal(ui, "models", 760.0, |ui| {
         ui.horizontal(|ui| {
             ui.heading("Networks");
-            ui.weak("Each makes one step better");
+            ui.weak("Optional models that improve individual steps");
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 if ui
                     .button("Close")
-                    .on_hover_text("Closes the list (Esc); downloads go on")
+                    .on_hover_text("Close the list (Esc); downloads go on")
                     .clicked()
                 {
                     view.dialog = None;
@@ -136,7 +136,7 @@ fn buttons_ui(ui: &mut Ui, view: &mut ViewState, row: &ModelStatus, out: &mut Ve
     };
     let add = ui
         .button("Add…")
-        .on_hover_text(format!("Takes it from files: {}", row.files.join(", ")));
+        .on_hover_text(format!("Add from files: {}", row.files.join(", ")));
     if add.accessible_name(format!("Add {name}")).clicked() {
         view.models.adding = if view.models.adding.as_ref() == Some(name) {
             None
@@ -146,14 +146,12 @@ fn buttons_ui(ui: &mut Ui, view: &mut ViewState, row: &ModelStatus, out: &mut Ve
         view.models.path.clear();
     }
     if row.installed.is_some() {
-        let check = ui
-            .button("Check")
-            .on_hover_text("Loads it and holds it against what is expected");
+        let check = ui.button("Check").on_hover_text("Check the model files");
         if check.accessible_name(format!("Check {name}")).clicked() {
             ask(ModelTask::Check);
         }
     } else {
-        let tip = format!("Gets it from the net, under the licence {}", row.licence);
+        let tip = format!("Download (licence: {})", row.licence);
         let install = ui
             .add_enabled(row.has_address, Button::new("Install"))
             .on_hover_text(tip);

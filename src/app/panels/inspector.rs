@@ -1,6 +1,7 @@
 use egui::{Align2, Color32, Id, Pos2, Rangef, Rect, Sense, Stroke, Ui, Vec2, Window, WindowDrag};
 use glam::Vec3;
 
+use super::ruler::{position_unit, scale_unknown_ui};
 use super::scene_content::SceneViewport;
 use super::scene_tools::{InspectedPoint, middle};
 use crate::{Panes, SessionView, ViewState};
@@ -90,7 +91,8 @@ pub(crate) fn point_ui(
     );
     let at = inspected_point.place().as_dvec3() + inspected_point.cloud.origin;
     ui.weak(format!("at {:.4}, {:.4}, {:.4}", at.x, at.y, at.z))
-        .on_hover_text("World units");
+        .on_hover_text(position_unit(session));
+    scale_unknown_ui(ui, session, view);
     let confidence = inspected_point.cloud.confidence[inspected_point.point];
     ui.label(format!("{:.0} % of the votes", 100.0 * confidence));
     if inspected_point.votes.is_empty() {
@@ -136,7 +138,7 @@ pub(crate) fn point_ui(
 pub(super) fn label_ui(ui: &mut Ui, tree: &LabelTree, label: LabelId) {
     let Some(known) = tree.get(label) else {
         ui.weak(if label == LabelId::NONE {
-            "nothing".to_owned()
+            "unlabelled".to_owned()
         } else {
             format!("label {}", label.0)
         });

@@ -52,24 +52,22 @@ pub(crate) fn status_ui(
     });
 }
 
-/// Shows the number of manual interactions and the estimated accuracy of the masks.
+/// Shows the number of manual interactions and the mean confidence of the tracker.
 fn work_ui(ui: &mut Ui, session: &SessionView<'_>) {
     let Some(estimate) = session.estimate else {
         return;
     };
     let (count, percent) = (session.interactions, estimate.accuracy * 100.0);
-    let noun = if count == 1 {
-        "interaction"
-    } else {
-        "interactions"
-    };
+    let noun = if count == 1 { "edit" } else { "edits" };
     let tip = format!(
-        "Clicks, boxes, strokes and corrections since the project was opened, including undone ones. The accuracy is \
-         the mean of the tracker's confidence over labels on {} frames with masks; a keyframe counts as right",
+        "Clicks, boxes, strokes and corrections since the project was opened, including undone ones. The confidence \
+         is the tracker's own, the mean over labels on {} frames with masks; a keyframe counts as 100 %",
         estimate.frames
     );
-    ui.label(format!("{count} {noun}, est. accuracy {percent:.0} %"))
-        .on_hover_text(tip);
+    ui.label(format!(
+        "{count} {noun} · {percent:.0} % mean tracker confidence"
+    ))
+    .on_hover_text(tip);
     ui.separator();
 }
 

@@ -171,12 +171,12 @@ pub(crate) fn ground_ui(
     let tip = "Plane under the labelled points: fitted to unlabelled points, or to a label such as a table or soil";
     choice.response.on_hover_text(tip).accessible_name("Ground");
     if let GroundChoice::Plane { normal, offset } = ground {
-        plane_ui(ui, normal, offset);
+        plane_ui(ui, normal, offset, session.unit);
     }
 }
 
 /// Draws the fields of a plane, all points x with normal · x = offset.
-fn plane_ui(ui: &mut Ui, normal: &mut [f64; 3], offset: &mut f64) {
+fn plane_ui(ui: &mut Ui, normal: &mut [f64; 3], offset: &mut f64, unit: LengthUnit) {
     let names = ["Normal x", "Normal y", "Normal z"];
     let before = *normal;
     for (number, name) in normal.iter_mut().zip(names) {
@@ -188,7 +188,11 @@ fn plane_ui(ui: &mut Ui, normal: &mut [f64; 3], offset: &mut f64) {
     if *normal == [0.0; 3] {
         *normal = before;
     }
-    let tip = "normal · x of the points x on the plane, in world units";
+    let unit = match unit {
+        LengthUnit::World => "in world units",
+        _ => "in metres",
+    };
+    let tip = format!("normal · x of the points x on the plane, {unit}");
     ui.add(
         DragValue::new(offset)
             .speed(0.001)

@@ -15,7 +15,11 @@ pub(super) struct Column {
     pub(super) traits: &'static [&'static str],
     /// Whether all traits are shown, or only the first that the label has.
     pub(super) joined: bool,
+    /// Tooltip for a label without the trait.
+    pub(super) missing: &'static str,
 }
+
+const MISSING: &str = "Not available for this label";
 
 const fn first(title: &'static str, tip: &'static str, traits: &'static [&'static str]) -> Column {
     Column {
@@ -23,6 +27,7 @@ const fn first(title: &'static str, tip: &'static str, traits: &'static [&'stati
         tip,
         traits,
         joined: false,
+        missing: MISSING,
     }
 }
 
@@ -32,6 +37,7 @@ const fn joined(title: &'static str, tip: &'static str, traits: &'static [&'stat
         tip,
         traits,
         joined: true,
+        missing: MISSING,
     }
 }
 
@@ -55,8 +61,19 @@ pub(super) const COLUMNS: &[Column] = &[
         &["width_max", "diameter_max"],
     ),
     first("Area", "Surface area", &["area"]),
-    first("Hull", "Volume of the convex hull", &["hull_volume"]),
-    first("Volume", "Volume of the voxels", &["voxel_volume"]),
+    Column {
+        missing: "The surface is open or thin, so it encloses no volume; 'Hull' is an upper bound",
+        ..first(
+            "Volume",
+            "Volume of the solid that the surface encloses",
+            &["volume"],
+        )
+    },
+    first(
+        "Hull",
+        "Volume of the convex hull, which is at least that of the object",
+        &["hull_volume"],
+    ),
     first(
         "Height",
         "Height of the highest point above the ground",

@@ -4,6 +4,7 @@ use ostra_session::JobTask;
 use super::label_edit::{ListedLabel, listed};
 use super::measure_settings::{add_angle_ui, angles_ui, ground_ui, unit_ui};
 use super::measure_table::{COLUMNS, Column, Table};
+use super::ruler::scale_note_ui;
 use crate::dialogs::PathRequest;
 use crate::{Dialog, SessionView, ViewState};
 use ostra_cloud::measure::LengthUnit;
@@ -21,6 +22,7 @@ pub(crate) fn measures_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut Vie
         &cloud.tree
     };
     settings_ui(ui, session, view);
+    scale_note_ui(ui, session, view);
     angles_ui(ui, session, tree, &mut view.measures.angles);
     ui.separator();
     match session.traits {
@@ -170,7 +172,7 @@ fn name_ui(ui: &mut Ui, view: &mut ViewState, label: &Label, depth: usize) {
 fn cell_ui(ui: &mut Ui, table: &Table, label: &Label, column: &Column, unit: LengthUnit) {
     let cell = table.cell(label.id, column);
     let Some(first) = cell.first() else {
-        ui.weak("–").on_hover_text("Not available for this label");
+        ui.weak("–").on_hover_text(column.missing);
         return;
     };
     let text = match cell.len() {

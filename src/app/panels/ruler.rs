@@ -1,12 +1,17 @@
-use egui::{ComboBox, DragValue, Key, Ui};
+use egui::{ComboBox, DragValue, Key, Rect, Ui};
 
 use super::measure_settings::unit_ui;
 use super::scene_tools::{Ruler, RulerKind};
-use crate::tooltips::action_button;
 use crate::{Action, SessionView, ViewState};
 use ostra_cloud::measure::{Dimension, LengthUnit};
+use ostra_frames::Frame;
 
-/// Draws the measured value of the ruler and the field for the known length.
+/// Width of the measured value, so that nothing moves when it changes.
+const VALUE_WIDTH: f32 = 150.0;
+
+/// Draws the measured value of the ruler, and below it the fields that set the scale.
+///
+/// Both rows are there before the first click, so that the bar does not grow under the pointer.
 pub(super) fn ruler_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -16,28 +21,145 @@ pub(super) fn ruler_ui(
     if !view.ruler.in_hand {
         return;
     }
-    kind_ui(ui, &mut view.ruler);
-    if view.ruler.kind == RulerKind::Length {
-        unit_ui(ui, "Ruler unit", &mut view.measures.unit, session);
-    }
-    match view.ruler.value() {
-        Some((value, dimension)) => {
-            let unit = view.measures.unit.unwrap_or(session.unit);
-            ui.label(unit.text(value, dimension))
-                .on_hover_text(tip(&view.ruler, unit));
-        }
-        None => {
-            ui.weak(view.ruler.hint());
-        }
-    }
-    undo_ui(ui, &mut view.ruler);
+    ui.horizontal_wrapped(|ui| {
+        kind_ui(ui, &mut view.ruler);
+        let unit = view.measures.unit.unwrap_or(session.unit);
+        value_ui(ui, &view.ruler, unit);
+        ui.add_enabled_ui(view.ruler.kind == RulerKind::Length, |ui| {
+            unit_ui(ui, "Ruler unit", &mut view.measures.unit, session);
+        });
+        undo_ui(ui, &mut view.ruler);
+    });
     let has_cameras = session
         .project
         .frames
         .iter()
         .any(|frame| frame.posed_camera().is_some());
-    if has_cameras && view.ruler.kind == RulerKind::Length && view.ruler.points.len() == 2 {
-        scale_ui(ui, view, actions);
+    if has_cameras && view.ruler.kind == RulerKind::Length {
+        ui.horizontal_wrapped(|ui| scale_ui(ui, session, view, actions));
+    }
+}
+
+fn value_ui(ui: &mut Ui, ruler: &Ruler, unit: LengthUnit) {
+    let size = egui::vec2(VALUE_WIDTH, ui.spacing().interact_size.y);
+    let layout = egui::Layout::left_to_right(egui::Align::Center);
+    ui.allocate_ui_with_layout(size, layout, |ui| {
+        ui.set_min_width(VALUE_WIDTH);
+        match ruler.value() {
+            Some((value, dimension)) => {
+                let text = egui::Label::new(unit.text(value, dimension)).extend();
+                ui.add(text).on_hover_text(tip(ruler, unit));
+            }
+            None => {
+                ui.weak(ruler.hint());
+            }
+        }
+    });
+}
+
+/// Reason why lengths have no metric unit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum ScaleGap {
+    /// No known length was given.
+    Unset,
+    /// The cameras have a scale, but the cloud is older.
+    OldCloud,
+}
+
+fn scale_gap(session: &SessionView<'_>) -> Option<ScaleGap> {
+    if session.may_be_metric() || session.points().is_none() {
+        return None;
+    }
+    let is_set = session.project.coordinates().unit != LengthUnit::World;
+    Some(if is_set {
+        ScaleGap::OldCloud
+    } else {
+        ScaleGap::Unset
+    })
+}
+
+/// Says next to a measure that the scale is unknown, with a button that starts the ruler.
+pub(super) fn scale_unknown_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
+    let color = ui.visuals().warn_fg_color;
+    match scale_gap(session) {
+        None => {}
+        Some(ScaleGap::OldCloud) => {
+            ui.colored_label(color, "The cloud is older than the scale – fuse again");
+        }
+        Some(ScaleGap::Unset) => {
+            ui.horizontal_wrapped(|ui| {
+                ui.colored_label(color, "Scale unknown –");
+                start_ui(ui, view);
+            });
+        }
+    }
+}
+
+/// Says next to measures that their scale is unknown, or that nothing confirms it.
+pub(crate) fn scale_note_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
+    scale_unknown_ui(ui, session, view);
+    let has_points = session.root.is_some() && session.points().is_some();
+    if has_points && session.project.is_unit_assumed() {
+        ui.horizontal_wrapped(|ui| {
+            let tip = "A model made from photos alone, as by COLMAP, has no unit";
+            ui.weak("Metres only if the given cameras are –")
+                .on_hover_text(tip);
+            start_ui(ui, view);
+        });
+    }
+}
+
+fn start_ui(ui: &mut Ui, view: &mut ViewState) {
+    let button = ui.button("Measure a known length");
+    if button.on_hover_text(START).clicked() {
+        view.start_ruler();
+    }
+}
+
+const START: &str =
+    "Start the ruler: click both ends of a length that you know, then set the scale";
+/// Size of the mark below the scale bar, in screen points.
+const MARK: egui::Vec2 = egui::vec2(210.0, 17.0);
+
+/// Draws a button below the scale bar while its unit is unknown.
+pub(super) fn scale_bar_mark_ui(
+    ui: &mut Ui,
+    rect: Rect,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+) {
+    let Some(gap) = scale_gap(session).filter(|_| view.prefs.scene.scale_bar) else {
+        return;
+    };
+    let (text, tip) = match gap {
+        ScaleGap::Unset => ("Scale unknown – measure a length", START),
+        ScaleGap::OldCloud => (
+            "Older than the scale – fuse again",
+            "The cloud was made before the scale of the cameras was set",
+        ),
+    };
+    let at = Rect::from_center_size(rect.center_bottom() - egui::vec2(0.0, 9.0), MARK);
+    let builder = egui::UiBuilder::new()
+        .max_rect(at)
+        .layout(egui::Layout::centered_and_justified(
+            egui::Direction::TopDown,
+        ));
+    let text = egui::RichText::new(text)
+        .small()
+        .color(ui.visuals().warn_fg_color);
+    let button = egui::Button::new(text).small().frame(false);
+    let mut ui = ui.new_child(builder);
+    if ui.add(button).on_hover_text(tip).clicked() && gap == ScaleGap::Unset {
+        view.start_ruler();
+    }
+}
+
+/// Returns the unit of positions, for a tooltip.
+pub(super) fn position_unit(session: &SessionView<'_>) -> &'static str {
+    match session.unit {
+        LengthUnit::World if session.inspected.is_some() => "In the unit of the file",
+        LengthUnit::World => "In world units; the scale is unknown",
+        _ => "In metres",
     }
 }
 
@@ -82,38 +204,68 @@ fn tip(ruler: &Ruler, unit: LengthUnit) -> String {
 }
 
 fn undo_ui(ui: &mut Ui, ruler: &mut Ruler) {
-    if ruler.points.is_empty() {
-        return;
-    }
-    let by_key =
-        !ui.ctx().text_edit_focused() && ui.input(|input| input.key_pressed(Key::Backspace));
-    if ui
-        .button("Undo click")
+    let has_points = !ruler.points.is_empty();
+    let by_key = has_points
+        && !ui.ctx().text_edit_focused()
+        && ui.input(|input| input.key_pressed(Key::Backspace));
+    let none = "No point is set yet";
+    let undo = ui.add_enabled(has_points, egui::Button::new("Undo click"));
+    let undo = undo
         .on_hover_text("Remove the last point (Backspace or right click)")
-        .clicked()
-        || by_key
-    {
+        .on_disabled_hover_text(none);
+    if undo.clicked() || by_key {
         ruler.undo_click();
     }
-    if ui
-        .button("Clear")
+    let clear = ui.add_enabled(has_points, egui::Button::new("Clear"));
+    let clear = clear
         .on_hover_text("Remove all points")
-        .clicked()
-    {
+        .on_disabled_hover_text(none);
+    if clear.clicked() {
         ruler.points.clear();
     }
 }
 
-fn scale_ui(ui: &mut Ui, view: &mut ViewState, actions: &mut Vec<Action>) {
-    ui.label("is really");
+/// Returns why the scale cannot be set now.
+fn scale_refusal(session: &SessionView<'_>, ruler: &Ruler) -> Option<&'static str> {
+    let frames = &session.project.frames;
+    let is_measured = |frame: &Frame| frame.has_sensor_depth() && frame.posed_camera().is_some();
+    let is_known = session.project.coordinates().unit != LengthUnit::World;
+    if is_known && frames.iter().any(is_measured) {
+        Some("The depth sensor gives the scale")
+    } else if scale_gap(session) == Some(ScaleGap::OldCloud) {
+        Some("The cloud is older than the scale; fuse again first")
+    } else if ruler.points.len() < 2 {
+        Some("Click both ends of a length that you know first")
+    } else if ruler.points.len() > 2 {
+        Some("The scale is set by two points; remove the others")
+    } else if ruler.length <= 0.0 {
+        Some("Enter the true length first")
+    } else if ruler.command().is_none() {
+        Some("Both ends are the same point")
+    } else {
+        None
+    }
+}
+
+/// Draws the row that sets the scale by the true length between two points.
+fn scale_ui(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    actions: &mut Vec<Action>,
+) {
+    let refusal = scale_refusal(session, &view.ruler);
+    let unit = view.ruler.length_unit;
+    ui.label("True length");
     let length = DragValue::new(&mut view.ruler.length)
         .range(0.0..=1e9)
-        .speed(0.01)
+        .speed(0.1)
         .max_decimals(6);
-    ui.name_inputs("Known length", |ui| ui.add(length))
-        .on_hover_text("True distance of the two points");
+    let tip = format!("True distance of the two points in {}", unit.sign());
+    ui.name_inputs("True length", |ui| ui.add(length))
+        .on_hover_text(tip);
     let unit = &mut view.ruler.length_unit;
-    let choice = ComboBox::from_id_salt("known length unit")
+    let choice = ComboBox::from_id_salt("true length unit")
         .selected_text(unit.sign())
         .width(50.0)
         .show_ui(ui, |ui| {
@@ -123,18 +275,14 @@ fn scale_ui(ui: &mut Ui, view: &mut ViewState, actions: &mut Vec<Action>) {
         });
     choice
         .response
-        .on_hover_text("Unit of the known length")
-        .accessible_name("Unit of the known length");
-    let possible = view.ruler.command().is_some();
-    if action_button(
-        ui,
-        &view.prefs.shortcuts,
-        Action::SetScale,
-        "Set scale",
-        possible,
-    )
-    .clicked()
-    {
+        .on_hover_text("Unit of the true length")
+        .accessible_name("Unit of the true length");
+    let button = ui.add_enabled(refusal.is_none(), egui::Button::new("Set scale"));
+    let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::SetScale);
+    let button = button
+        .on_hover_text(tip)
+        .on_disabled_hover_text(refusal.unwrap_or_default());
+    if button.clicked() {
         actions.push(Action::SetScale);
     }
 }

@@ -304,25 +304,31 @@ pub(super) fn scene_context_ui(
         .inner_margin(egui::Margin::symmetric(8, 4));
     frame.show(&mut ui.new_child(builder), |ui| {
         ui.spacing_mut().item_spacing = egui::vec2(6.0, 4.0);
-        ui.horizontal_wrapped(|ui| {
-            if view.scene.through.is_some() {
-                let slider = Slider::new(&mut view.prefs.scene.blend, 0.0..=1.0).show_value(false);
-                let tip =
-                    "Opacity of the image over the 3-D view; the view follows the current frame";
-                ui.spacing_mut().slider_width = 70.0;
-                together(ui, 130.0, |ui| {
-                    ui.label("Image");
-                    ui.add(slider)
-                        .on_hover_text(tip)
-                        .accessible_name("Opacity of the image");
-                });
+        ui.vertical(|ui| {
+            if is_filtered || view.scene.through.is_some() {
+                ui.horizontal_wrapped(|ui| shown_ui(ui, session, view));
             }
-            isolated_ui(ui, session, view);
             if has_ruler {
                 ruler_ui(ui, session, view, actions);
             }
         });
     });
+}
+
+/// Draws the opacity of the image that the view looks through, and what is isolated.
+fn shown_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
+    if view.scene.through.is_some() {
+        let slider = Slider::new(&mut view.prefs.scene.blend, 0.0..=1.0).show_value(false);
+        let tip = "Opacity of the image over the 3-D view; the view follows the current frame";
+        ui.spacing_mut().slider_width = 70.0;
+        together(ui, 130.0, |ui| {
+            ui.label("Image");
+            ui.add(slider)
+                .on_hover_text(tip)
+                .accessible_name("Opacity of the image");
+        });
+    }
+    isolated_ui(ui, session, view);
 }
 
 /// Returns the short name of a colouring.

@@ -238,7 +238,8 @@ pub(super) fn blend(
     }
 }
 
-fn to_screen(viewport: &SceneViewport, px: glam::Vec2) -> egui::Pos2 {
+/// Returns the screen position of a pixel of the view.
+pub(super) fn to_screen(viewport: &SceneViewport, px: glam::Vec2) -> egui::Pos2 {
     let SceneViewport { rect, camera, .. } = viewport;
     let (width, height) = (camera.width.max(1) as f32, camera.height.max(1) as f32);
     rect.min + egui::vec2(px.x / width * rect.width(), px.y / height * rect.height())

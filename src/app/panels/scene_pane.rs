@@ -4,6 +4,8 @@ use egui::{PointerButton, Rect, Response, Role, Sense, Ui, WidgetInfo};
 use glam::{Vec2, Vec3};
 
 use super::inspector::{InspectedPlace, inspector_ui};
+use super::ruler::scale_bar_mark_ui;
+use super::ruler_marks::ruler_marks;
 use super::scene_bar::{scene_bar_ui, scene_context_ui};
 use super::scene_content::{
     Framed, SceneCanvas, SceneViewport, bounds, every_nth, framing, image_planes, message, model,
@@ -137,6 +139,9 @@ impl ScenePane {
             });
             view.portrait = portrait.map(|portrait| (request, portrait));
         }
+        let unit = view.measures.unit.unwrap_or(session.unit);
+        ruler_marks(ui, &viewport, &view.ruler, unit);
+        scale_bar_mark_ui(ui, rect, session, view);
         inspector_ui(ui, &viewport, &mut self.inspected_place, session, view);
         chosen_ui(ui, &viewport, session, view, actions);
         scene_context_ui(ui, rect, session, view, actions);
@@ -467,22 +472,4 @@ impl ScenePane {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn nothing_of_the_previous_project_remains() {
-        let (mut pane, rect) = (
-            ScenePane::new(None),
-            Rect::from_x_y_ranges(0.0..=9.0, 0.0..=9.0),
-        );
-        let (min, max) = (Vec3::ZERO, Vec3::ONE);
-        pane.through = Some(Orbit::framing(&Bounds { min, max }, Vec3::Z, Vec3::NEG_Y));
-        pane.orbit = pane.through;
-        let at = Some(rect.left_top());
-        assert!(pane.inspected_place.turn_away(rect, None, Vec3::X, at));
-        pane.clear();
-        assert_eq!((pane.orbit, pane.through), (None, None));
-        assert_eq!(pane.inspected_place, InspectedPlace::default());
-    }
-}
+mod tests;

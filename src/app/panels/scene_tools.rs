@@ -201,7 +201,7 @@ pub enum RulerKind {
 }
 
 /// Points of the ruler, and the known distance between the first two.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Ruler {
     /// Whether clicks in the 3-D view add points.
     pub in_hand: bool,
@@ -215,7 +215,26 @@ pub struct Ruler {
     pub length_unit: LengthUnit,
 }
 
+impl Default for Ruler {
+    fn default() -> Self {
+        Self {
+            in_hand: false,
+            kind: RulerKind::Length,
+            points: Vec::new(),
+            length: 0.0,
+            // Known lengths in a scene are mostly those of a ruler or a marker.
+            length_unit: LengthUnit::Centimetre,
+        }
+    }
+}
+
 impl Ruler {
+    /// Takes the ruler in hand to measure a known length.
+    pub fn start(&mut self) {
+        (self.in_hand, self.kind) = (true, RulerKind::Length);
+        self.points.clear();
+    }
+
     /// Adds a point; the fourth point of an angle starts a new one.
     pub fn click(&mut self, at: Vec3) {
         if self.kind == RulerKind::Angle && self.points.len() >= 3 {

@@ -5,6 +5,7 @@ use egui::Ui;
 use super::conflicts::conflicts_ui;
 use super::fuse::{fuse_advanced_ui, fuse_ui, results_ui};
 use super::reconstruct::{reconstruct_advanced_ui, reconstruct_ui};
+use super::ruler::scale_note_ui;
 use super::step_header::{StepHeader, title};
 use super::suggestions::{suggestions_ui, text_prompt_ui};
 use super::track::{segmenter_ui, track_advanced_ui, track_ui};
@@ -190,10 +191,7 @@ fn measure_ui(
         };
         ui.weak(text);
     });
-    if session.cloud.is_some() && !session.may_be_metric() {
-        let text = "Scale unknown: use the ruler of the 3-D view on a known length";
-        ui.colored_label(ui.visuals().warn_fg_color, text);
-    }
+    scale_note_ui(ui, session, view);
     section_heading(ui, "Results");
     results_ui(ui, session);
 }

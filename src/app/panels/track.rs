@@ -233,14 +233,19 @@ fn short_side_ui(ui: &mut Ui, short_side: &mut Option<u32>) {
 /// Draws the choice of the segmenter, with its installation state.
 pub(super) fn segmenter_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     egui::Grid::new("segmenter").num_columns(2).show(ui, |ui| {
-        field(ui, "Segmenter", "Turns clicks and boxes into masks", |ui| {
-            engine_choice_ui(
-                ui,
-                "segmenter",
-                session.engines_of(EngineKind::Segmenter),
-                &mut view.segmenter,
-            );
-        });
+        field(
+            ui,
+            "Segmenter",
+            "Engine that turns clicks and boxes into masks",
+            |ui| {
+                engine_choice_ui(
+                    ui,
+                    "segmenter",
+                    session.engines_of(EngineKind::Segmenter),
+                    &mut view.segmenter,
+                );
+            },
+        );
     });
 }
 

@@ -1,9 +1,10 @@
 //! Sizes, surface area and volume of a connected component.
 
-use glam::{DVec2, DVec3, IVec3};
+use glam::{DVec2, DVec3};
 use nalgebra::{Matrix3, SymmetricEigen};
 use rayon::prelude::*;
 
+use super::enclosed_volume::{solid_volume, voxel_volume};
 use super::hull::hull_volume;
 use super::point_sets::PointGrid;
 use super::trait_table::Dimension::{Area, Length, Volume};
@@ -34,9 +35,18 @@ pub(super) fn extent_traits(points: &[DVec3], area: f64, spacing: f64) -> Vec<Tr
             "voxel_volume",
             voxel_volume(points, spacing),
             Volume,
-            "voxels that the points enclose, and half of those that hold points; edge 3 spacings",
+            "voxels that the points enclose, and half of those that hold points; edge 3 spacings; \
+             with gaps this is little more than the surface itself",
         ),
     ];
+    if let Some(volume) = solid_volume(points, spacing) {
+        traits.push(found(
+            "volume",
+            volume,
+            Volume,
+            "volume of the solid that the surface encloses; gaps up to 12 spacings are closed",
+        ));
+    }
     for (name, size) in ["size_long", "size_middle", "size_short"]
         .into_iter()
         .zip(principal_sizes(points))
@@ -230,126 +240,4 @@ fn clip(polygon: &mut Vec<DVec2>, direction: DVec2, limit: f64) {
         }
     }
     *polygon = kept;
-}
-
-/// Edge length of a voxel in spacings, large enough that a surface has no holes.
-const EDGE: f64 = 3.0;
-/// Number of voxels above which the edge length is increased.
-const MOST_VOXELS: f64 = 3e7;
-
-/// Computes the volume of a body from the voxels of its surface.
-///
-/// Enclosed voxels count fully, voxels that hold points count half. `spacing` is that of the
-/// points; if it is 0, the volume is 0.
-fn voxel_volume(points: &[DVec3], spacing: f64) -> f64 {
-    if spacing <= 0.0 || points.is_empty() {
-        return 0.0;
-    }
-    let low = points.iter().copied().fold(DVec3::INFINITY, DVec3::min);
-    let size = points.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max) - low;
-    // The grid includes a layer of empty voxels on every side.
-    let counts = |edge: f64| (size / edge).floor() + 3.0;
-    let mut edge = EDGE * spacing;
-    while counts(edge).element_product() > MOST_VOXELS {
-        edge *= 1.2;
-    }
-    let mut voxels = VoxelStates::new(counts(edge).as_ivec3());
-    for &x in points {
-        voxels.occupy(((x - low) / edge).floor().as_ivec3() + IVec3::ONE);
-    }
-    voxels.flood();
-    let count = |state| {
-        voxels
-            .states
-            .iter()
-            .filter(|&&other| other == state)
-            .count() as f64
-    };
-    (count(VoxelState::Enclosed) + 0.5 * count(VoxelState::Occupied)) * edge.powi(3)
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-enum VoxelState {
-    /// Not reached by the flood fill.
-    Enclosed,
-    Occupied,
-    Outside,
-}
-
-struct VoxelStates {
-    counts: IVec3,
-    states: Vec<VoxelState>,
-}
-
-impl VoxelStates {
-    fn new(counts: IVec3) -> Self {
-        Self {
-            counts,
-            states: vec![VoxelState::Enclosed; counts.as_usizevec3().element_product()],
-        }
-    }
-
-    fn index(&self, at: IVec3) -> usize {
-        let (at, counts) = (at.as_usizevec3(), self.counts.as_usizevec3());
-        (at.z * counts.y + at.y) * counts.x + at.x
-    }
-
-    fn occupy(&mut self, at: IVec3) {
-        let index = self.index(at.min(self.counts - 1));
-        self.states[index] = VoxelState::Occupied;
-    }
-
-    /// Marks the voxels that can be reached from the outermost layer through faces.
-    fn flood(&mut self) {
-        let mut open = vec![IVec3::ZERO];
-        while let Some(at) = open.pop() {
-            let index = self.index(at);
-            if self.states[index] != VoxelState::Enclosed {
-                continue;
-            }
-            self.states[index] = VoxelState::Outside;
-            let adjacent = [IVec3::X, IVec3::Y, IVec3::Z]
-                .into_iter()
-                .flat_map(|step| [at - step, at + step]);
-            open.extend(
-                adjacent.filter(|at| at.cmpge(IVec3::ZERO).all() && at.cmplt(self.counts).all()),
-            );
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn closed_surface_is_filled_and_open_surface_is_not() {
-        let count = 20_000;
-        let sphere: Vec<DVec3> = (0..count)
-            .map(|k| {
-                let z = 1.0 - 2.0 * (f64::from(k) + 0.5) / f64::from(count);
-                let (sin, cos) = (2.399_963 * f64::from(k)).sin_cos();
-                (1.0 - z * z).sqrt() * DVec3::new(cos, sin, 0.0) + z * DVec3::Z + 5.0
-            })
-            .collect();
-        let spacing = (4.0 * std::f64::consts::PI / f64::from(count)).sqrt();
-        let exact = 4.0 / 3.0 * std::f64::consts::PI;
-        let closed = voxel_volume(&sphere, spacing);
-        assert!((closed / exact - 1.0).abs() < 0.03, "{closed}");
-        let bowl: Vec<DVec3> = sphere.into_iter().filter(|x| x.z < 5.5).collect();
-        assert!(voxel_volume(&bowl, spacing) < 0.3 * exact);
-    }
-
-    #[test]
-    fn distant_points_do_not_exhaust_memory() {
-        let points = [
-            DVec3::ZERO,
-            DVec3::X * 1e-6,
-            DVec3::new(1e6, 1e6, 1e6),
-            DVec3::NEG_X * 1e9,
-        ];
-        assert!(voxel_volume(&points, 1e-6).is_finite());
-        assert_eq!(voxel_volume(&points, 0.0), 0.0);
-    }
 }

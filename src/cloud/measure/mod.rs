@@ -7,6 +7,7 @@ mod angle;
 mod angle_tests;
 mod axis;
 mod body;
+mod enclosed_volume;
 mod extent;
 mod ground;
 mod hull;

@@ -384,8 +384,8 @@ impl Recording {
         };
         let paired = pairs.count();
         listing.warnings.push(format!(
-            "{place}: taken for an RGB-D recording: {paired} of {count} images have depth{left_out}; if that is wrong, \
-             give its folders separately (--frames, --depth)"
+            "{place}: recognised as an RGB-D recording: {paired} of {count} images have depth{left_out}. Not right? Give the \
+             folders of images and depth (--frames and --depth)"
         ));
         listing
             .warnings

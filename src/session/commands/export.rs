@@ -6,11 +6,12 @@ use anyhow::{Context, Result, bail};
 
 use super::export_frames::{write_depths, write_undistorted};
 use super::export_inputs::{
-    ExportInputs, check, check_targets, first_renamed, outdated, output_files, output_folders,
+    ExportInputs, check, check_targets, exported_items, first_renamed, outdated, output_files,
+    output_folders,
 };
 use super::export_scene::{write_cloud, write_mesh, write_traits, write_voxels};
-use crate::Event;
 use crate::Session;
+use crate::{Event, ExportedItem};
 use crate::{JobCompletion, JobKind};
 use ostra_cloud::LabelledCloud;
 use ostra_cloud::formats::save_origin;
@@ -33,9 +34,10 @@ impl Session {
         let request = request.clone();
         Ok(self.start("Export", JobKind::Short, move |context| {
             context.progress.plan(&planned_stages(&request));
-            let warnings = write(&request, &inputs, &targets, &context.progress)?;
+            let written = write(&request, &inputs, &targets, &context.progress)?;
             Ok(Box::new(move |session: &mut Self| {
-                session.warn_all(warnings);
+                session.warn_all(written.warnings);
+                session.events.push(Event::Exported(written.items));
                 Ok(())
             }) as JobCompletion)
         }))
@@ -198,13 +200,19 @@ fn planned_stages(request: &ExportRequest) -> Vec<PlannedStage> {
     wanted.map(|(_, stage)| stage).collect()
 }
 
-/// Writes the requested files and returns warnings for the user.
+/// What an export wrote, and warnings for the user.
+struct Written {
+    items: Vec<ExportedItem>,
+    warnings: Vec<String>,
+}
+
+/// Writes the requested files.
 fn write(
     request: &ExportRequest,
     inputs: &ExportInputs,
     targets: &ExportTargets,
     progress: &Progress,
-) -> Result<Vec<String>> {
+) -> Result<Written> {
     let of_cloud = request.cloud.is_some() || request.voxels.is_some() || request.traits.is_some();
     let cloud = (of_cloud || request.per_label)
         .then(|| load_cloud(inputs, progress))
@@ -221,7 +229,8 @@ fn write(
     let write = || write_targets(request, inputs, cloud.as_ref(), progress);
     let (mut warnings, removed) = ExportTargets::write_all(&files, &folders, write)?;
     warnings.extend(removed);
-    Ok(warnings)
+    let items = exported_items(&files, &folders);
+    Ok(Written { items, warnings })
 }
 
 /// Warning for traits in a unit that nothing confirms.

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
 
+use crate::ExportedItem;
 use ostra_cloud::LabelledCloud;
 use ostra_cloud::formats::{CloudFormat, MeshFormat, VoxelFormat, origin_path};
 use ostra_cloud::fuse::Votes;
@@ -201,6 +202,47 @@ pub(super) fn output_files(request: &ExportRequest, tree: &LabelTree) -> Vec<Pat
     files
 }
 
+/// Returns the files and folders that exist after an export, with their sizes.
+///
+/// What cannot be read is left out, because the export itself has succeeded.
+pub(super) fn exported_items(files: &[PathBuf], folders: &[PathBuf]) -> Vec<ExportedItem> {
+    let file = |path: &PathBuf| {
+        let bytes = std::fs::metadata(path).ok()?.len();
+        Some(ExportedItem {
+            path: path.clone(),
+            files: None,
+            bytes,
+        })
+    };
+    let folder = |path: &PathBuf| {
+        let (count, bytes) = size_of(path).ok()?;
+        Some(ExportedItem {
+            path: path.clone(),
+            files: Some(count),
+            bytes,
+        })
+    };
+    let files = files.iter().filter_map(file);
+    files.chain(folders.iter().filter_map(folder)).collect()
+}
+
+/// Returns the number and the total size of the files in a folder.
+fn size_of(folder: &Path) -> std::io::Result<(usize, u64)> {
+    let (mut count, mut bytes) = (0, 0);
+    for entry in std::fs::read_dir(folder)? {
+        let entry = entry?;
+        let kind = entry.file_type()?;
+        let is_hidden = entry.file_name().as_encoded_bytes().starts_with(b".");
+        if kind.is_dir() {
+            let (more, of_them) = size_of(&entry.path())?;
+            (count, bytes) = (count + more, bytes + of_them);
+        } else if kind.is_file() && !is_hidden {
+            (count, bytes) = (count + 1, bytes + entry.metadata()?.len());
+        }
+    }
+    Ok((count, bytes))
+}
+
 /// Returns a cloud with one point for each label and one unlabelled point.
 pub(super) fn every_label(tree: &LabelTree) -> LabelledCloud {
     let labels: Vec<LabelId> = std::iter::once(LabelId::NONE)
@@ -258,7 +300,7 @@ pub(super) fn outdated(request: &ExportRequest, inputs: &ExportInputs) -> Option
     }
     let text = || {
         format!(
-            "{}, and something that it was made from has changed since; fuse again",
+            "out of date: {}; cameras, depths or masks changed after that. Fuse again before exporting",
             reported.join(", ")
         )
     };

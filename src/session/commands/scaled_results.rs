@@ -365,15 +365,29 @@ impl ScaledResults {
         records
     }
 
+    /// Returns the message about the scale, which names what was scaled.
     pub(super) fn notice(&self, scaling: &Scaling) -> String {
         let mut what = vec!["cameras"];
         what.extend(self.has_depths.then_some("depths"));
         what.extend(self.cloud.is_some().then_some("cloud"));
-        format!(
-            "{} were scaled by {:.6}: lengths are metres now",
-            what.join(", "),
-            scaling.factor
-        )
+        let (what, factor) = (what.join(", "), scaling.factor);
+        let set = if scaling.project.coordinates().unit == LengthUnit::World {
+            format!("1 unit = {} m", significant(factor))
+        } else {
+            format!("1 m of before = {} m", significant(factor))
+        };
+        format!("Scale set: {set} ({what} were scaled by {factor:.6}; lengths are in metres)")
+    }
+}
+
+/// Formats a factor with four significant digits.
+fn significant(factor: f64) -> String {
+    let decimals = (3 - factor.abs().log10().floor() as i32).clamp(0, 15) as usize;
+    let text = format!("{factor:.decimals$}");
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
     }
 }
 
