@@ -10,7 +10,7 @@ use super::attention::{Attention, title_with_progress};
 use super::dialogs::{NewProjectForm, ScreenshotRequest, Take};
 use super::theme::set_theme;
 use super::view_state::RecipeTarget;
-use super::{Dialog, Layers, Prefs, SessionView, Severity, Shell, ViewState, layers_of};
+use super::{Dialog, Layers, Panes, Prefs, SessionView, Severity, Shell, ViewState, layers_of};
 use ostra_compute::nn::{ModelStatus, Provider};
 use ostra_core::disk;
 use ostra_frames::{Frame, TurntableOptions};
@@ -441,6 +441,9 @@ fn view_of<'a>(
             .surface()
             .and_then(|surface| session.surface(surface)),
         preview_cloud: session.preview_cloud(),
+        depth_points: (view.prefs.panes != Panes::Image)
+            .then(|| session.depth_points(view.frame, view.prefs.scene.frame_points))
+            .flatten(),
         sparse: session.sparse(),
         chosen: session.selected(),
         inspected: session.inspected(),

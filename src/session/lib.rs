@@ -83,7 +83,9 @@ pub use ostra_compute::nn::{
 pub use ostra_project::suggestion::{Reason, Suggestion};
 pub use ostra_project::{PromptRequest, RangeChange, RangeRequest};
 pub use prepared::PreparedFrames;
-pub use queries::{Angles, MeasureSettings, ProposedInstances, SparseReconstruction, SurfaceKind};
+pub use queries::{
+    Angles, DepthPoints, MeasureSettings, ProposedInstances, SparseReconstruction, SurfaceKind,
+};
 pub use recent::Recent;
 pub use recipe_schema::recipe_schema;
 pub use requests::{

@@ -17,6 +17,7 @@ mod reconstruct;
 mod ruler;
 mod scene_bar;
 mod scene_content;
+mod scene_framing;
 mod scene_menus;
 mod scene_overlay;
 mod scene_pane;
