@@ -3,7 +3,6 @@ use std::sync::Arc;
 use egui::{Color32, Pos2, Rect, TextureId, Ui};
 
 use crate::{SessionView, Shown, ViewState};
-use ostra_frames::Frame;
 use ostra_view::{ImagePlane, PointsOver, Scene3d, SceneModel, SceneView, ViewCamera};
 
 /// Part of the window that shows the scene.
