@@ -52,8 +52,9 @@ pub(super) struct Framed {
     cloud: Option<Weak<LabelledCloud>>,
     /// The view as it was framed, before the user moved it.
     orbit: Option<Orbit>,
-    /// Aspect that it was framed for.
+    /// Aspect that it was framed for, and its distance in a pane as wide as high.
     aspect: f32,
+    distance: f32,
     pub(super) centre: Vec3,
     pub(super) radius: f32,
     pub(super) axes: Option<Axes>,
@@ -64,7 +65,7 @@ pub(super) struct Framed {
 impl Framed {
     /// Returns the view for the content of the session, given the view so far.
     ///
-    /// It is framed anew for the first content, for content of a better kind while the user has not
+    /// It is framed again for the first content, for content of a better kind while the user has not
     /// moved it, and with `is_asked`. A view that the user has moved stays.
     pub(super) fn follow(
         &mut self,
@@ -116,7 +117,7 @@ impl Framed {
     fn frame(&mut self, session: &SessionView<'_>, content: Content, aspect: f32) -> Option<Orbit> {
         let framed = framing(session)?;
         self.content = content;
-        self.aspect = narrow(aspect);
+        (self.aspect, self.distance) = (narrow(aspect), framed.distance);
         self.orbit = Some(Orbit {
             distance: framed.distance / self.aspect,
             ..framed
@@ -131,7 +132,7 @@ impl Framed {
             return orbit;
         }
         let fitted = Orbit {
-            distance: orbit.distance * self.aspect / now,
+            distance: self.distance / now,
             ..orbit
         };
         (self.orbit, self.aspect) = (Some(fitted), now);
@@ -154,6 +155,7 @@ impl Framed {
         self.orbit
             .iter_mut()
             .for_each(|orbit| orbit.scale_by(factor));
+        self.distance *= factor;
         self.centre *= factor;
         self.radius *= factor;
         if let Some(extent) = &mut self.extent {
