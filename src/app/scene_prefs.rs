@@ -22,6 +22,8 @@ pub struct ScenePrefs {
     pub axes: bool,
     /// Opacity of points outside the isolated label or above the vote threshold, 0–1.
     pub faint: f32,
+    /// Whether the points of the shown frame's depth are drawn over the fused cloud.
+    pub frame_points: bool,
     /// Depth of camera frusta, as a share of the scene's radius.
     pub frustum: f32,
     /// Whether camera frusta show their images.
@@ -41,6 +43,7 @@ impl Default for ScenePrefs {
             scale_bar: true,
             axes: true,
             faint: 0.0,
+            frame_points: false,
             frustum: 0.12,
             images: false,
             blend: 0.0,
@@ -57,6 +60,8 @@ pub struct SceneLook {
     pub isolated: Option<LabelId>,
     /// Highlights only points whose label won less than this share of votes, 0–1; `None` for all.
     pub uncertain_below: Option<f32>,
+    /// Number of votes below which points are hidden; 0 and 1 show all.
+    pub least_views: u32,
     /// Depth in the label tree from which labels take their ancestor's colour.
     ///
     /// 1 is the top; `None` gives every label its own colour.

@@ -12,7 +12,7 @@ use ostra_frames::{Frame, FrameStore};
 use ostra_masks::{LabelTree, Region, RunMask};
 use ostra_project::{Estimate, Project};
 use ostra_session::{
-    Angles, Drawings, EngineInfo, EngineKind, Grounding, Images, JobTask, JobView,
+    Angles, DepthPoints, Drawings, EngineInfo, EngineKind, Grounding, Images, JobTask, JobView,
     ProposedInstances, RecentProject, SparseReconstruction, Suggestion, Survey, Unfinished,
 };
 use ostra_view::{Layer, LayerImage, draw_layer};
@@ -36,6 +36,8 @@ pub struct SessionView<'a> {
     pub surface: Option<&'a Arc<LabelledMesh>>,
     /// Points of the depth maps that a running job has computed so far.
     pub preview_cloud: Option<&'a Arc<LabelledCloud>>,
+    /// Points of the depth maps while no cloud is fused, or those of the shown frame over it.
+    pub depth_points: Option<&'a Arc<DepthPoints>>,
     /// Sparse model of the cameras, if they come from structure from motion.
     pub sparse: Option<&'a Arc<SparseReconstruction>>,
     /// Selected points of the cloud, or why there are none; `None` while they are computed.
@@ -100,12 +102,13 @@ impl<'a> SessionView<'a> {
     /// Returns the points to show in the 3-D view.
     ///
     /// In order of preference: depth maps in progress, proposed instances, the labelled cloud, the
-    /// sparse model.
+    /// depth maps, the sparse model.
     #[must_use]
     pub fn points(&self) -> Option<&Arc<LabelledCloud>> {
         self.preview_cloud
             .or(self.proposed.map(|proposed| &proposed.cloud))
             .or(self.cloud)
+            .or(self.depth_points.map(|points| &points.cloud))
             .or(self.sparse.map(|sparse| &sparse.cloud))
     }
 

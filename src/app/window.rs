@@ -13,7 +13,7 @@ use super::opening::{MakeExample, Opening, example_folder, open_dropped, open_pa
 use super::option_names::in_window_words;
 use super::theme::set_theme;
 use super::view_state::RecipeTarget;
-use super::{Layers, Prefs, SessionView, Severity, Shell, ViewState, layers_of};
+use super::{Layers, Panes, Prefs, SessionView, Severity, Shell, ViewState, layers_of};
 use ostra_compute::nn::{ModelStatus, Provider};
 use ostra_core::disk;
 use ostra_frames::{Frame, TurntableOptions};
@@ -472,6 +472,9 @@ fn view_of<'a>(
             .surface()
             .and_then(|surface| session.surface(surface)),
         preview_cloud: session.preview_cloud(),
+        depth_points: (view.prefs.panes != Panes::Image)
+            .then(|| session.depth_points(view.frame, view.prefs.scene.frame_points))
+            .flatten(),
         sparse: session.sparse(),
         chosen: session.selected(),
         inspected: session.inspected(),

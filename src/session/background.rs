@@ -2,9 +2,10 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock};
 
 use crate::queries::{
-    Angles, AnglesKey, CloudKey, CloudState, Conflicts, ConflictsKey, InstancesKey, LoadedCloud,
-    MeasureSettings, MeasuredCloud, MeshKey, SelectionKey, SparseKey, SurfaceKey, SurfaceKind,
-    Survey, SurveyRequest, TraitsKey, VoteMismatchKey,
+    AllPointsKey, Angles, AnglesKey, CloudKey, CloudState, Conflicts, ConflictsKey, DepthFrames,
+    DepthPoints, DepthPointsKey, FramePointsKey, InstancesKey, LoadedCloud, MeasureSettings,
+    MeasuredCloud, MeshKey, SelectionKey, SparseKey, SurfaceKey, SurfaceKind, Survey,
+    SurveyRequest, TraitsKey, VoteMismatchKey,
 };
 use crate::{InstancesRequest, PromptRequest, ProposedInstances, Session, SparseReconstruction};
 use ostra_cloud::conflicts::FrameConflict;
@@ -12,6 +13,7 @@ use ostra_cloud::fuse::Votes;
 use ostra_cloud::measure::{LengthUnit, TraitRow};
 use ostra_cloud::select::{SelectStep, Selection, Selector};
 use ostra_cloud::{LabelledCloud, LabelledMesh};
+use ostra_frames::Frame;
 use ostra_masks::{LabelId, LabelTree, Region, RunMask};
 use ostra_project::ResultKind;
 use ostra_project::store::version_in_force;
@@ -213,12 +215,70 @@ impl Session {
 
     /// Returns the points of the depths that a running job is computing or placing.
     ///
-    /// Returns `None` if there is no such job or none of its views is finished.
+    /// After a job that finished, its points are returned until [`Self::depth_points`] has those of
+    /// the new depths. Returns `None` if there is no such job or none of its views is finished.
     #[must_use]
     pub fn preview_cloud(&self) -> Option<&Arc<LabelledCloud>> {
         let preview = &self.background.preview;
-        let running = self.jobs().iter().any(|job| Some(job.id) == preview.job());
-        Some(preview.cloud()).filter(|cloud| running && !cloud.is_empty())
+        Some(preview.cloud())
+            .filter(|cloud| !cloud.is_empty() && (self.is_previewing() || self.is_preview_newest()))
+    }
+
+    /// Returns whether the job of the preview runs.
+    pub(crate) fn is_previewing(&self) -> bool {
+        let of = self.background.preview.job();
+        of.is_some() && self.jobs().iter().any(|job| Some(job.id) == of)
+    }
+
+    /// Returns whether the preview shows the project's depths and no other points of them are known.
+    fn is_preview_newest(&self) -> bool {
+        let Some(project) = self.project() else {
+            return false;
+        };
+        let is_unknown = |all| {
+            let all_points = &self.background.all_points;
+            all_points.known(&AllPointsKey { all }).is_none()
+        };
+        self.background.preview.is_of(&project.frames)
+            && self.cloud_version().is_none()
+            && project.frames.iter().any(Frame::has_posed_depth)
+            && DepthFrames::of(project).is_some_and(is_unknown)
+    }
+
+    /// Returns the points of the depth maps while no cloud is fused.
+    ///
+    /// These are the points of a frame and a thinned sample of those of all frames with a posed
+    /// camera. They have the labels of the masks. Jobs read the depths when they are first requested
+    /// and when frames, cameras or depths change. Until then, earlier points of the same cameras are
+    /// returned, or `None`. A frame without a posed camera is placed in its own camera if no frame
+    /// has a pose. With `over_cloud`, the points of the frame alone are returned where there is a
+    /// cloud.
+    #[must_use]
+    pub fn depth_points(&self, frame: usize, over_cloud: bool) -> Option<&Arc<DepthPoints>> {
+        let project = self.project()?;
+        let frames = DepthFrames::of(project)?;
+        let has_cloud = self.cloud_version().is_some();
+        if has_cloud && !over_cloud {
+            return None;
+        }
+        let all = if frames.has_poses() && !has_cloud {
+            let all = frames.clone();
+            self.background.all_points.get(AllPointsKey { all })
+        } else {
+            None
+        };
+        let key = FramePointsKey {
+            all: frames.clone(),
+            frame,
+        };
+        let shown = self.background.frame_points.get(key);
+        let key = DepthPointsKey::new(
+            &frames,
+            shown.as_ref().map(|known| known.value),
+            all.as_ref().map(|known| known.value),
+            |frame| project.mask_in_play(frame),
+        )?;
+        Some(self.background.depth_points.get(key)?.value)
     }
 
     /// Requests a preview of a prompt, or with `None` cancels the request.

@@ -9,8 +9,9 @@ use crate::jobs::{JobContext, JobKind};
 use crate::live_preview::PreviewSink;
 use crate::queries::{
     Angles, CloudState, MeasuredCloud, PromptTools, Snapshot, choose_points, find_angles,
-    find_conflicts, find_vote_mismatch, load_cloud, load_mesh, load_sparse_model, make_surface,
-    measure_traits, preview_prompt, propose_instances, survey_frames, under,
+    find_conflicts, find_vote_mismatch, label_points, load_cloud, load_mesh, load_sparse_model,
+    make_surface, measure_traits, place_all, place_frame, preview_prompt, propose_instances,
+    survey_frames, under,
 };
 use crate::query::{Query, QueryKey, WithWarnings};
 use crate::session::Background;
@@ -29,12 +30,19 @@ impl Session {
         if self.background.preview.gather() {
             self.events.push(Event::CloudChanged);
         }
+        self.note_end_of_preview();
         self.start_for_project(|all| &mut all.cloud.loaded, load_cloud);
         self.start_for_project(|all| &mut all.mesh, load_mesh);
         self.start_for_project(|all| &mut all.surface, make_surface);
         self.start_for_project(
             |all| &mut all.sparse,
             |snapshot, key, _| load_sparse_model(snapshot, key),
+        );
+        self.start_for_project(|all| &mut all.frame_points, place_frame);
+        self.start_for_project(|all| &mut all.all_points, place_all);
+        self.start_for_project(
+            |all| &mut all.depth_points,
+            |_, key, progress| label_points(key, progress),
         );
         self.start_for_project(|all| &mut all.instances, propose_instances);
         self.start_revote();
@@ -45,6 +53,16 @@ impl Session {
         self.start_selection();
         self.start_prompt_preview();
         self.start_survey();
+    }
+
+    /// Notes with which frames the job of the preview ended.
+    fn note_end_of_preview(&mut self) {
+        let is_over = !self.is_previewing();
+        let frames = self.project().map(|project| Arc::clone(&project.frames));
+        let preview = &mut self.background.preview;
+        if let (true, Some(frames)) = (is_over, frames) {
+            preview.end(&frames);
+        }
     }
 
     fn next<K: QueryKey, V>(&mut self, slot: QueryAccessor<K, V>) -> Option<K> {

@@ -85,8 +85,8 @@ pub use ostra_project::suggestion::{Reason, Suggestion};
 pub use ostra_project::{PromptRequest, RangeChange, RangeRequest};
 pub use prepared::PreparedFrames;
 pub use queries::{
-    Angles, FoundCameras, FoundDepth, MeasureSettings, ProposedInstances, SparseReconstruction,
-    SurfaceKind, Survey, SurveyRequest,
+    Angles, DepthPoints, FoundCameras, FoundDepth, MeasureSettings, ProposedInstances,
+    SparseReconstruction, SurfaceKind, Survey, SurveyRequest,
 };
 pub use recent::Recent;
 pub use recent_projects::{RecentProject, RecentProjects};

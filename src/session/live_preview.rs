@@ -21,6 +21,8 @@ pub(crate) struct LivePreview {
     job: Option<JobId>,
     views: BTreeMap<usize, LabelledCloud>,
     cloud: Arc<LabelledCloud>,
+    /// Frames of the project when the job had ended; `None` before.
+    ended_with: Option<Arc<Vec<Frame>>>,
     /// Whether views were added since the cloud was assembled.
     has_news: bool,
 }
@@ -34,6 +36,20 @@ impl LivePreview {
     /// Returns the points at the last [`Self::gather`].
     pub(crate) fn cloud(&self) -> &Arc<LabelledCloud> {
         &self.cloud
+    }
+
+    /// Notes the frames of the project at the end of the job; later ones change nothing.
+    pub(crate) fn end(&mut self, frames: &Arc<Vec<Frame>>) {
+        if self.job.is_some() && self.ended_with.is_none() {
+            self.ended_with = Some(Arc::clone(frames));
+        }
+    }
+
+    /// Returns whether the job has ended with these frames.
+    pub(crate) fn is_of(&self, frames: &Arc<Vec<Frame>>) -> bool {
+        self.ended_with
+            .as_ref()
+            .is_some_and(|ended_with| Arc::ptr_eq(ended_with, frames))
     }
 
     /// Adds the points of one view, and drops those of another job.

@@ -9,8 +9,9 @@ use crate::live_preview::LivePreview;
 use crate::live_revote::LiveRevote;
 use crate::prepared::Prompting;
 use crate::queries::{
-    Angles, AnglesKey, ChosenPoints, CloudQuery, Conflicts, ConflictsKey, InstancesKey, MeshKey,
-    SelectionKey, SparseKey, SurfaceKey, Survey, SurveyRequest, TraitsKey, VoteMismatchKey,
+    AllPointsKey, Angles, AnglesKey, ChosenPoints, CloudQuery, Conflicts, ConflictsKey,
+    DepthPixels, DepthPoints, DepthPointsKey, FramePointsKey, InstancesKey, MeshKey, SelectionKey,
+    SparseKey, SurfaceKey, Survey, SurveyRequest, TraitsKey, VoteMismatchKey,
 };
 use crate::query::Query;
 use crate::track_run::TrackRun;
@@ -61,6 +62,9 @@ pub(crate) struct Background {
     pub(crate) mesh: Query<MeshKey, LabelledMesh>,
     pub(crate) surface: Query<SurfaceKey, LabelledMesh>,
     pub(crate) sparse: Query<SparseKey, SparseReconstruction>,
+    pub(crate) frame_points: Query<FramePointsKey, DepthPixels>,
+    pub(crate) all_points: Query<AllPointsKey, DepthPixels>,
+    pub(crate) depth_points: Query<DepthPointsKey, DepthPoints>,
     pub(crate) instances: Query<InstancesKey, ProposedInstances>,
     pub(crate) conflicts: Query<ConflictsKey, Conflicts>,
     pub(crate) vote_mismatch: Query<VoteMismatchKey, Region>,

@@ -1,3 +1,4 @@
+mod depth_points;
 mod edits;
 mod folder;
 mod jobs;

@@ -307,4 +307,19 @@ pub struct Scene3d {
     pub lines: Vec<LineVertex>,
     /// Images placed in the scene; never clipped.
     pub planes: Vec<ImagePlane>,
+    /// Points drawn over the model at the minimum size.
+    pub over: Option<PointsOver>,
+}
+
+/// Points that are drawn besides the model, such as those of one frame.
+///
+/// They are drawn in one go, so there should be no more than some hundred thousand.
+#[derive(Debug, Clone)]
+pub struct PointsOver(pub Arc<LabelledCloud>);
+
+impl PartialEq for PointsOver {
+    /// Compares by pointer.
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
 }

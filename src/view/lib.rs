@@ -51,13 +51,13 @@ mod target;
 mod view_camera;
 
 pub use axes::{Axes, Bounds, Side};
-pub use content::{Scene3d, SceneModel};
+pub use content::{PointsOver, Scene3d, SceneModel};
 pub use frame_shapes::{ImagePlane, LineVertex, frustum_lines, link_lines};
 pub use layers::{Layer, LayerImage, draw_layer};
 pub use mesh_raster::draw_mesh;
 pub use orbit::Orbit;
 pub use overlay::{OverlayStyle, hatch, overlay};
-pub use pick::{PickRequest, Picking, pick_frustum, pick_point};
+pub use pick::{PickRequest, Picking, is_any_in_view, pick_frustum, pick_point};
 pub use raster::draw_cloud;
 pub use render_request::RenderRequest;
 pub use scene_view::SceneView;

@@ -23,6 +23,8 @@ pub(super) struct Paint {
     labels: LabelColors,
     source: ColorSource,
     uncertain_below: Option<f32>,
+    /// Votes of the cloud and the least number of them, if points with fewer are not drawn.
+    least_views: Option<(Arc<Votes>, u32)>,
     /// Opacity of faint points.
     faint: u8,
 }
@@ -53,6 +55,9 @@ impl Paint {
             labels: LabelColors::new(tree, appearance),
             source: ColorSource::new(cloud, appearance),
             uncertain_below: appearance.uncertain_below,
+            least_views: votes_of(cloud, appearance)
+                .filter(|_| appearance.least_views > 0)
+                .map(|votes| (votes, appearance.least_views)),
             faint: faint_opacity(appearance),
         }
     }
@@ -75,6 +80,11 @@ impl Paint {
 
     /// Returns the opacity of point `index`, 0 (not drawn) to 255.
     pub(super) fn opacity(&self, cloud: &LabelledCloud, index: usize) -> u8 {
+        if let Some((votes, least)) = &self.least_views
+            && votes.voted(index) < *least
+        {
+            return 0;
+        }
         let of_label = self.labels.get(cloud.labels[index])[3];
         let stands_out = self
             .uncertain_below
@@ -95,14 +105,17 @@ impl Paint {
     }
 }
 
+/// Returns the votes of a cloud, if they are known.
+fn votes_of(cloud: &LabelledCloud, appearance: &Appearance) -> Option<Arc<Votes>> {
+    appearance
+        .votes
+        .clone()
+        .filter(|votes| votes.len() == cloud.len())
+}
+
 impl ColorSource {
     fn new(cloud: &LabelledCloud, appearance: &Appearance) -> Self {
-        let votes = || {
-            appearance
-                .votes
-                .clone()
-                .filter(|votes| votes.len() == cloud.len())
-        };
+        let votes = || votes_of(cloud, appearance);
         let number = match appearance.coloring {
             Coloring::Rgb => return Self::Rgb,
             Coloring::Label => return Self::Label,

@@ -6,7 +6,7 @@ use glam::Vec4;
 
 use super::paint::Paint;
 use super::pipelines::{Pipelines, PointInstance};
-use super::point_lod::PointLod;
+use super::point_lod::{Disc, PointLod};
 use super::target::Gpu;
 use super::{Bounds, SceneStyle, ViewCamera};
 use ostra_cloud::LabelledCloud;
@@ -165,10 +165,10 @@ impl PointBlocks {
         end: usize,
     ) {
         let OnGpu { points, count } = &mut self.on_gpu[block];
-        let pack = |(index, radius): (usize, f32)| PointInstance {
-            position: cloud.positions[index].to_array(),
-            color: paint.color(cloud, index).unwrap_or_default(),
-            radius,
+        let pack = |disc: Disc| PointInstance {
+            position: cloud.positions[disc.index].to_array(),
+            color: disc.shade(paint.color(cloud, disc.index).unwrap_or_default()),
+            radius: disc.radius,
         };
         let packed: Vec<PointInstance> = self
             .point_lod

@@ -25,8 +25,33 @@ const RADIUS: f32 = 0.75;
 #[derive(Default)]
 pub(super) struct PointLod {
     order: Vec<u32>,
-    radii: Vec<f32>,
+    spacing: Vec<Spacing>,
     pub blocks: Vec<LodBlock>,
+}
+
+/// The disc that a point is drawn as.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Disc {
+    /// Index of the point.
+    pub index: usize,
+    /// Radius in world units.
+    pub radius: f32,
+    /// Whether the point has no neighbours nearby.
+    pub is_lone: bool,
+}
+
+impl Disc {
+    /// Returns the colour in which the disc is drawn.
+    ///
+    /// Lone points are a little fainter than others, so that they cast no shade on what is behind
+    /// them: eye-dome lighting ignores fainter neighbours.
+    pub fn shade(&self, [r, g, b, opacity]: [u8; 4]) -> [u8; 4] {
+        if self.is_lone && opacity > 1 {
+            [r, g, b, opacity - 1]
+        } else {
+            [r, g, b, opacity]
+        }
+    }
 }
 
 /// A run of points that are close to each other.
@@ -72,10 +97,7 @@ impl PointLod {
 
     /// Computes bounds and radii for an order: the second half of [`Self::of`].
     pub fn along(positions: &[Vec3], ZOrder { order, blocks }: ZOrder) -> Self {
-        let radii = local_spacing(positions, &order)
-            .into_iter()
-            .map(|spacing| spacing * RADIUS)
-            .collect();
+        let spacing = local_spacing(positions, &order);
         let bounds = |places: &Range<usize>| {
             let inside = order[places.clone()]
                 .iter()
@@ -95,7 +117,7 @@ impl PointLod {
             .collect();
         Self {
             order,
-            radii,
+            spacing,
             blocks,
         }
     }
@@ -105,24 +127,33 @@ impl PointLod {
         self.order.len()
     }
 
-    /// Returns the index and disc radius (world units) of every point, in unspecified order.
-    pub fn discs(&self) -> impl IndexedParallelIterator<Item = (usize, f32)> {
-        self.order
-            .par_iter()
-            .zip(&self.radii)
-            .map(|(&index, &radius)| (index as usize, radius))
+    /// Returns the discs of all points, in unspecified order.
+    pub fn discs(&self) -> impl IndexedParallelIterator<Item = Disc> {
+        (0..self.order.len())
+            .into_par_iter()
+            .map(|place| self.disc(place))
     }
 
-    /// Returns the index and disc radius of some points of a block.
+    fn disc(&self, place: usize) -> Disc {
+        let (index, radius) = (
+            self.order[place] as usize,
+            self.spacing[place].length * RADIUS,
+        );
+        let is_lone = self.spacing[place].is_lone;
+        Disc {
+            index,
+            radius,
+            is_lone,
+        }
+    }
+
+    /// Returns the discs of some points of a block.
     ///
     /// The points are in an order in which every prefix is spread evenly over the block.
-    pub fn part_of(&self, block: usize, part: Range<usize>) -> impl Iterator<Item = (usize, f32)> {
+    pub fn part_of(&self, block: usize, part: Range<usize>) -> impl Iterator<Item = Disc> {
         let places = self.blocks[block].places.clone();
         let spread = SpreadOrder::new(places.len());
-        part.map(move |nth| {
-            let place = places.start + spread.at(nth);
-            (self.order[place] as usize, self.radii[place])
-        })
+        part.map(move |nth| self.disc(places.start + spread.at(nth)))
     }
 }
 
@@ -240,16 +271,36 @@ const MOST_OF_SECOND: f32 = 1.5;
 const RUN: usize = 16;
 /// Maximum spacing as a multiple of the median over three runs (of the median of each run).
 const MOST_OF_RUNS: f32 = 1.5;
-/// Maximum spacing as a multiple of the median over the cloud; keeps the discs of outliers small.
+/// Spacing as multiples of the median over the cloud and over three runs.
+///
+/// A point with a larger spacing is lone.
+const MOST_OF_LONE: [f32; 2] = [4.0, 3.0];
+/// Spacing as a multiple of the median over the cloud, from which all points of a run are lone.
+const LONE_RUN: f32 = 8.0;
+/// Maximum spacing as a multiple of the median over the cloud.
 const MOST_OF_CLOUD: f32 = 6.0;
+/// Spacing that a lone point is drawn with, as a multiple of the median over the cloud.
+///
+/// Its disc is twice as wide as the spacing. Larger discs of outliers would hide what is behind
+/// them.
+const OF_LONE: f32 = 1.0 / RADIUS;
 /// Number of points per parallel task.
 const PIECE: usize = 256 * RUN;
 
-/// Estimates the spacing between points around each point of `order`, in world units.
+/// Spacing around a point.
+#[derive(Debug, Clone, Copy, Default)]
+struct Spacing {
+    /// Distance to neighbours in world units, limited so that discs of outliers stay small.
+    length: f32,
+    /// Whether the point has no neighbours nearby.
+    is_lone: bool,
+}
+
+/// Estimates the spacing between points around each point of `order`.
 ///
 /// Neighbours in space must be near each other in `order`. The spacing is 0 where a cloud has too
 /// few points.
-fn local_spacing(positions: &[Vec3], order: &[u32]) -> Vec<f32> {
+fn local_spacing(positions: &[Vec3], order: &[u32]) -> Vec<Spacing> {
     let mut spacing = vec![0.0; order.len()];
     spacing
         .par_chunks_mut(PIECE)
@@ -265,20 +316,30 @@ fn local_spacing(positions: &[Vec3], order: &[u32]) -> Vec<f32> {
             .map(|place| usual_of_runs[sample.at(place)])
             .collect(),
     );
-    let most = if usual.is_finite() {
-        usual * MOST_OF_CLOUD
-    } else {
-        0.0
+    let usual = if usual.is_finite() { usual } else { 0.0 };
+    let around = |run: usize| {
+        let runs = run.saturating_sub(1)..(run + 2).min(usual_of_runs.len());
+        median_spacing(usual_of_runs[runs].to_vec())
     };
-    spacing
-        .par_chunks_mut(RUN)
-        .enumerate()
-        .for_each(|(run, own)| {
-            let around = &usual_of_runs[run.saturating_sub(1)..(run + 2).min(usual_of_runs.len())];
-            let most = (median_spacing(around.to_vec()) * MOST_OF_RUNS).min(most);
-            own.iter_mut().for_each(|one| *one = one.min(most));
-        });
-    spacing
+    let around: Vec<f32> = (0..usual_of_runs.len())
+        .into_par_iter()
+        .map(around)
+        .collect();
+    let limited = |(place, &length): (usize, &f32)| {
+        let local = around[place / RUN];
+        let most = local * MOST_OF_RUNS;
+        let is_far = length > usual * MOST_OF_LONE[0] && length > local * MOST_OF_LONE[1];
+        let is_lone = is_far || length.min(most) > usual * LONE_RUN;
+        Spacing {
+            length: length.min(if is_lone {
+                usual * OF_LONE
+            } else {
+                most.min(usual * MOST_OF_CLOUD)
+            }),
+            is_lone,
+        }
+    };
+    spacing.par_iter().enumerate().map(limited).collect()
 }
 
 /// Writes the distance to the neighbours of each point from position `first` of `order` on.

@@ -1,7 +1,7 @@
 use rayon::prelude::*;
 
 use super::paint::Paint;
-use super::point_lod::PointLod;
+use super::point_lod::{Disc, PointLod};
 use super::{SceneStyle, Shot, ViewCamera};
 use ostra_cloud::LabelledCloud;
 
@@ -85,13 +85,15 @@ fn splats(
 ) -> Vec<Splat> {
     let (width, height) = (camera.width as f32, camera.height as f32);
     let paint = Paint::new(cloud, &style.appearance);
-    let splat = |(index, radius): (usize, f32)| {
-        let position = cloud.positions[index];
+    let splat = |disc: Disc| {
+        let position = cloud.positions[disc.index];
         let color = paint
-            .color(cloud, index)
+            .color(cloud, disc.index)
+            .map(|color| disc.shade(color))
             .filter(|_| style.clip.contains(position))?;
         let (px, depth) = camera.project(position)?;
-        let radius = (radius * camera.px_per_unit(depth)).clamp(style.point_px, style.most_px());
+        let radius =
+            (disc.radius * camera.px_per_unit(depth)).clamp(style.point_px, style.most_px());
         let seen =
             px.x > -radius && px.y > -radius && px.x < width + radius && px.y < height + radius;
         seen.then_some(Splat {

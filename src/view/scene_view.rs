@@ -3,9 +3,10 @@ use std::time::{Duration, Instant};
 use wgpu::util::DeviceExt;
 
 use super::ViewCamera;
-use super::content::{Content, Scene3d, SceneModel};
+use super::content::{Content, PointsOver, Scene3d, SceneModel};
 use super::mesh_raster::AMBIENT;
-use super::pipelines::{EyeUniform, Pipelines};
+use super::paint::Paint;
+use super::pipelines::{EyeUniform, Pipelines, PointInstance};
 use super::target::{EyeDome, Gpu, Target};
 
 /// Maximum duration of one call of [`SceneView::draw`] before the batch shrinks.
@@ -22,6 +23,8 @@ pub struct SceneView {
     pipelines: Pipelines,
     dome: EyeDome,
     content: Content,
+    /// Points over the model that are on the GPU.
+    over: Option<(PointsOver, wgpu::Buffer)>,
     /// Whether the image must restart for the same scene.
     is_stale: bool,
     batch: usize,
@@ -45,6 +48,7 @@ impl SceneView {
             pipelines: Pipelines::new(device),
             dome: EyeDome::new(device),
             content: Content::empty(),
+            over: None,
             is_stale: true,
             batch: 200_000,
             scene: None,
@@ -69,10 +73,36 @@ impl SceneView {
     /// Until the next model is drawn, the view is empty instead of showing the old image.
     pub fn clear(&mut self) {
         self.content = Content::empty();
+        self.over = None;
         self.scene = None;
         self.target = None;
         self.last_draw = None;
         self.is_stale = true;
+    }
+
+    /// Uploads the points over the model if they have changed.
+    fn upload_over(&mut self, scene: &Scene3d) {
+        let known = self.over.as_ref().map(|(over, _)| over);
+        if known == scene.over.as_ref() {
+            return;
+        }
+        let over = scene.over.as_ref().filter(|over| !over.0.is_empty());
+        self.over = over.map(|over| {
+            let PointsOver(cloud) = over;
+            let paint = Paint::new(cloud, &scene.style.appearance);
+            let pack = |index: usize| PointInstance {
+                position: cloud.positions[index].to_array(),
+                color: paint.color(cloud, index).unwrap_or_default(),
+                radius: 0.0,
+            };
+            let packed: Vec<PointInstance> = (0..cloud.len()).map(pack).collect();
+            let init = wgpu::util::BufferInitDescriptor {
+                label: Some("points over the model"),
+                contents: bytemuck::cast_slice(&packed),
+                usage: wgpu::BufferUsages::VERTEX,
+            };
+            (over.clone(), self.gpu.device.create_buffer_init(&init))
+        });
     }
 
     /// Draws the next batch and returns whether the image is complete.
@@ -144,6 +174,7 @@ impl SceneView {
                 .is_none_or(|old| old.style.appearance != scene.style.appearance);
             if recolored {
                 self.content.forget();
+                self.over = None;
             }
             self.scene = Some(scene.clone());
             self.is_stale = true;
@@ -165,6 +196,9 @@ impl SceneView {
 
     /// Draws a batch over the background if an image `begins`, otherwise over the earlier batches.
     fn draw_next(&mut self, begins: bool, scene: &Scene3d) {
+        if begins {
+            self.upload_over(scene);
+        }
         let Some(target) = &self.target else { return };
         let Gpu { device, queue } = &self.gpu;
         queue.write_buffer(
@@ -197,6 +231,12 @@ impl SceneView {
                 pass.set_pipeline(&self.pipelines.lines);
                 pass.set_vertex_buffer(0, lines.slice(..));
                 pass.draw(0..scene.lines.len() as u32, 0..1);
+            }
+            if let Some((PointsOver(cloud), points)) = self.over.as_ref().filter(|_| begins) {
+                pass.set_pipeline(&self.pipelines.points);
+                self.pipelines.splat_scales.bind(&mut pass, 1, 1);
+                pass.set_vertex_buffer(0, points.slice(..));
+                pass.draw(0..4, 0..cloud.len() as u32);
             }
             if let Some(planes) = &planes {
                 self.pipelines.planes.draw(&mut pass, planes);

@@ -68,6 +68,10 @@ pub struct Appearance {
     ///
     /// See [`ostra_cloud::LabelledCloud::is_uncertain`]. `None` means that all points stand out.
     pub uncertain_below: Option<f32>,
+    /// Number of views that have to have voted on a point for it to be drawn; 0 draws all points.
+    ///
+    /// Without votes, all points are drawn.
+    pub least_views: u32,
     /// Opacity of faint points, 0 (not drawn) to 1.
     pub faint: f32,
     /// Label tree that replaces the one of the cloud, for newer names and colours.
@@ -86,6 +90,7 @@ impl Default for Appearance {
             hidden: BTreeSet::new(),
             isolated: None,
             uncertain_below: None,
+            least_views: 0,
             faint: 0.0,
             tree: None,
             votes: None,
@@ -101,6 +106,7 @@ impl PartialEq for Appearance {
         (self.coloring, self.level, self.isolated) == (other.coloring, other.level, other.isolated)
             && (self.faint, self.up, self.uncertain_below)
                 == (other.faint, other.up, other.uncertain_below)
+            && self.least_views == other.least_views
             && votes(self) == votes(other)
             && self.hidden == other.hidden
             && self.tree == other.tree

@@ -60,6 +60,7 @@ fn bench(device: &wgpu::Device, queue: &wgpu::Queue, points: usize) {
             style: SceneStyle::default(),
             lines: Vec::new(),
             planes: Vec::new(),
+            over: None,
         });
         device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
         (whole, begun.elapsed())

@@ -145,6 +145,7 @@ pub fn scene(camera: ViewCamera, style: &SceneStyle) -> Scene3d {
         style: style.clone(),
         lines: Vec::new(),
         planes: Vec::new(),
+        over: None,
     }
 }
 

@@ -5,7 +5,9 @@ use std::sync::Arc;
 use glam::Vec3;
 use ostra_cloud::LabelledCloud;
 use ostra_frames::Image;
-use ostra_view::{Axes, Bounds, Clip, Orbit, SceneModel, SceneStyle, draw_cloud};
+use ostra_view::{
+    Axes, Bounds, Clip, Orbit, PointsOver, Scene3d, SceneModel, SceneStyle, draw_cloud,
+};
 
 use crate::drawing::{View, alike, by_label, drawn, read_back, scene, sphere, step};
 
@@ -113,6 +115,69 @@ fn image_has_no_holes_from_the_coarsest_level_on() {
         calls > 2 && view.drawn() == (cloud.len(), cloud.len()),
         "{calls}"
     );
+}
+
+fn lone_points_are_equal_on_gpu_and_cpu_and_shade_nothing() {
+    let surface = sphere(200_000);
+    let mut with_lone = surface.clone();
+    let lone = 40;
+    for index in 0..lone {
+        let (s, c) = (index as f32 * 0.9).sin_cos();
+        let reach = 0.02 * index as f32;
+        let at = Vec3::new(s * reach, c * reach, -1.6 - 0.05 * index as f32);
+        with_lone.append(&LabelledCloud::from_positions(vec![at]));
+    }
+    let (min, max) = (Vec3::splat(-1.2), Vec3::splat(1.2));
+    let orbit = Orbit::framing(&Bounds { min, max }, Vec3::Z, Vec3::NEG_Y);
+    let camera = orbit.camera(256, 256);
+    let style = SceneStyle {
+        edl_strength: 2.0,
+        ..by_label()
+    };
+    let [alone, cpu] = [&surface, &with_lone].map(|cloud| draw_cloud(cloud, &camera, &style).image);
+    let different = (alone.pixels.iter().zip(&cpu.pixels)).filter(|(a, b)| a != b);
+    let different = different.count();
+    assert!(
+        different >= lone / 2 && different <= lone * 9,
+        "{different} pixels for {lone} points: discs without a rim"
+    );
+    let mut view = View::new();
+    view.set_model(SceneModel::Cloud(Arc::new(with_lone)));
+    let (gpu, _) = drawn(&mut view, &scene(camera, &style));
+    let same = alike(&gpu, &cpu.pixels, 1);
+    assert!(same >= 985, "{same} of 1000 pixels agree");
+}
+
+fn points_over_the_model_come_and_go() {
+    let (min, max) = (Vec3::NEG_ONE, Vec3::ONE);
+    let camera = Orbit::framing(&Bounds { min, max }, Vec3::Z, Vec3::NEG_Y).camera(128, 128);
+    let style = SceneStyle {
+        point_px: 3.0,
+        ..SceneStyle::default()
+    };
+    let mut view = View::new();
+    view.set_model(SceneModel::Cloud(Arc::new(sphere(20_000))));
+    let (before, _) = drawn(&mut view, &scene(camera, &style));
+    let mut over = LabelledCloud::from_positions(vec![Vec3::new(0.3, 0.2, -1.5), Vec3::Z * 5.0]);
+    over.colors = vec![[1, 250, 3]; 2];
+    let with_over = Scene3d {
+        over: Some(PointsOver(Arc::new(over.clone()))),
+        ..scene(camera, &style)
+    };
+    let (during, _) = drawn(&mut view, &with_over);
+    let green = |pixels: &[[u8; 4]]| pixels.iter().filter(|pixel| pixel[1] > 200).count();
+    let (px, _) = camera.project(over.positions[0]).unwrap();
+    assert_eq!(
+        during[px.y as usize * 128 + px.x as usize][..3],
+        [1, 250, 3]
+    );
+    assert!(
+        (20..50).contains(&green(&during)),
+        "{} for one disc",
+        green(&during)
+    );
+    let (after, _) = drawn(&mut view, &scene(camera, &style));
+    assert_eq!((green(&before), green(&after)), (0, 0));
 }
 
 /// Returns a wall of width 2 with two densities of points.
@@ -226,5 +291,7 @@ crate::tests! {
     points_out_of_view_are_culled_and_no_others,
     image_has_no_holes_from_the_coarsest_level_on,
     dense_and_sparse_parts_have_no_holes_and_no_oversized_discs,
+    lone_points_are_equal_on_gpu_and_cpu_and_shade_nothing,
+    points_over_the_model_come_and_go,
     old_image_stays_until_the_new_cloud_is_arranged
 }

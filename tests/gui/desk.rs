@@ -22,7 +22,7 @@ use ostra_project::workflow::WorkflowStep;
 use ostra_project::{FrameMask, MaskOrigin, Project};
 use ostra_session::JobView;
 use ostra_session::{
-    Angles, Command, EngineInfo, Grounding, Images, ProposedInstances, RecentProject,
+    Angles, Command, DepthPoints, EngineInfo, Grounding, Images, ProposedInstances, RecentProject,
     SparseReconstruction, Suggestion, Survey, Unfinished, list_engines, list_models,
 };
 
@@ -37,6 +37,8 @@ pub struct Desk {
     pub cloud: Option<Arc<LabelledCloud>>,
     pub votes: Option<Arc<Votes>>,
     pub surface: Option<Arc<LabelledMesh>>,
+    pub preview_cloud: Option<Arc<LabelledCloud>>,
+    pub depth_points: Option<Arc<DepthPoints>>,
     pub sparse: Option<Arc<SparseReconstruction>>,
     pub chosen: Option<Arc<Selection>>,
     pub inspected: Option<PathBuf>,
@@ -76,6 +78,8 @@ impl Desk {
             cloud: None,
             votes: None,
             surface: None,
+            preview_cloud: None,
+            depth_points: None,
             sparse: None,
             chosen: None,
             inspected: None,
@@ -118,7 +122,8 @@ impl Desk {
 
     pub fn ui(&mut self, ui: &mut Ui) {
         let session = SessionView {
-            preview_cloud: None,
+            preview_cloud: self.preview_cloud.as_ref(),
+            depth_points: self.depth_points.as_ref(),
             votes: self.votes.as_ref(),
             proposed: self.proposed.as_ref(),
             has_surface: self.surface.is_some(),

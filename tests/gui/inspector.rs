@@ -18,7 +18,7 @@ use ostra_masks::LabelId;
 use crate::desk::{Desk, click_at, labels, on_screen, press};
 
 /// Returns the sample desk with its cloud labelled by its masks.
-fn voted() -> Desk {
+pub fn voted() -> Desk {
     let desk = Desk::sample();
     let masks = |frame: usize| {
         desk.project

@@ -43,6 +43,7 @@ mod panels;
 mod running;
 #[cfg(test)]
 mod scene;
+mod scene_content;
 #[cfg(test)]
 mod select;
 #[cfg(test)]

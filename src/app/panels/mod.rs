@@ -18,6 +18,7 @@ mod ruler;
 mod ruler_marks;
 mod scene_bar;
 mod scene_content;
+mod scene_framing;
 mod scene_menus;
 mod scene_overlay;
 mod scene_pane;

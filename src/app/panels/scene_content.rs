@@ -1,14 +1,9 @@
 use std::sync::Arc;
 
 use egui::{Color32, Pos2, Rect, TextureId, Ui};
-use glam::Vec3;
 
 use crate::{SessionView, Shown, ViewState};
-use ostra_cloud::LabelledCloud;
-use ostra_frames::Frame;
-use ostra_view::{
-    Axes, Bounds, ImagePlane, Orbit, Scene3d, SceneModel, SceneView, ViewCamera, default_view,
-};
+use ostra_view::{ImagePlane, PointsOver, Scene3d, SceneModel, SceneView, ViewCamera};
 
 /// Part of the window that shows the scene.
 pub(super) struct SceneViewport {
@@ -91,17 +86,6 @@ impl SceneCanvas {
     }
 }
 
-/// Content that the view was last framed for.
-#[derive(Default)]
-pub(super) struct Framed {
-    pub(super) cloud: Option<Arc<LabelledCloud>>,
-    pub(super) centre: Vec3,
-    pub(super) radius: f32,
-    pub(super) axes: Option<Axes>,
-    /// Extent of the points along the axes.
-    pub(super) extent: Option<Bounds>,
-}
-
 /// Maximum number of images shown in the scene.
 const PLANES: usize = 200;
 
@@ -147,90 +131,11 @@ pub(super) fn model(session: &SessionView<'_>, view: &ViewState) -> Option<Scene
     }
 }
 
-pub(super) fn bounds(session: &SessionView<'_>) -> Option<Bounds> {
-    match session.points() {
-        Some(cloud) if session.cloud.is_none() => Bounds::of(near_the_cameras(session, cloud)),
-        Some(cloud) => Bounds::of(every_nth(cloud).map(|index| cloud.positions[index])),
-        None => {
-            let poses = session
-                .project
-                .frames
-                .iter()
-                .filter_map(Frame::posed_camera);
-            Bounds::of(poses.map(|(_, pose)| pose.centre().as_vec3()))
-        }
-    }
-}
-
-/// Returns the camera centres and the half of the sparse points nearest to their mean.
-///
-/// Some sparse points are always far away and would make the bounds too large.
-fn near_the_cameras<'a>(
-    session: &'a SessionView<'_>,
-    cloud: &'a LabelledCloud,
-) -> impl Iterator<Item = Vec3> + 'a {
-    let centres = || {
-        session
-            .project
-            .frames
-            .iter()
-            .filter_map(Frame::posed_camera)
-            .map(|(_, pose)| pose.centre().as_vec3())
-    };
-    let middle = centres().sum::<Vec3>() / centres().count().max(1) as f32;
-    let mut points: Vec<Vec3> = every_nth(cloud)
-        .map(|index| cloud.positions[index])
-        .collect();
-    points.sort_by(|a, b| {
-        a.distance_squared(middle)
-            .total_cmp(&b.distance_squared(middle))
-    });
-    points.truncate(points.len() / 2 + 1);
-    points.into_iter().chain(centres())
-}
-
-pub(super) fn framing(session: &SessionView<'_>, aspect: f32) -> Option<Orbit> {
-    match session.points() {
-        Some(cloud) if session.cloud.is_some() => {
-            default_view(&thinned(cloud), &session.project.frames, aspect)
-        }
-        _ => cameras_view(session),
-    }
-}
-
-/// Returns a view of all cameras from behind, slightly from above and from the side, upright.
-fn cameras_view(session: &SessionView<'_>) -> Option<Orbit> {
-    let poses = session
-        .project
-        .frames
-        .iter()
-        .filter_map(Frame::posed_camera);
-    let rotations = poses.map(|(_, pose)| pose.rotation.as_quat().conjugate());
-    let forward = rotations
-        .map(|world_from_camera| world_from_camera * Vec3::Z)
-        .sum::<Vec3>();
-    let Axes { up, .. } = Axes::of_cameras(&session.project.frames);
-    let forward = forward.try_normalize().unwrap_or(Vec3::Z);
-    Some(Orbit::framing(
-        &bounds(session)?,
-        forward + 0.5 * forward.cross(up) - 0.4 * up,
-        up,
-    ))
-}
-
-/// Returns evenly spaced point indices, enough to estimate the extent of the cloud.
-pub(super) fn every_nth(cloud: &LabelledCloud) -> impl Iterator<Item = usize> {
-    (0..cloud.len()).step_by((cloud.len() / 100_000).max(1))
-}
-
-fn thinned(cloud: &LabelledCloud) -> LabelledCloud {
-    LabelledCloud {
-        positions: every_nth(cloud)
-            .map(|index| cloud.positions[index])
-            .collect(),
-        labels: every_nth(cloud).map(|index| cloud.labels[index]).collect(),
-        ..LabelledCloud::default()
-    }
+/// Returns the points of the shown frame to draw over the fused cloud.
+pub(super) fn points_over(session: &SessionView<'_>) -> Option<PointsOver> {
+    let points = session.depth_points.filter(|points| points.in_world)?;
+    let is_model = session.cloud.is_none() || session.preview_cloud.is_some();
+    (!is_model).then(|| PointsOver(Arc::clone(&points.cloud)))
 }
 
 /// Shows a text in place of the scene.

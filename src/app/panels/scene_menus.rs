@@ -46,6 +46,8 @@ pub(super) fn display_ui(ui: &mut Ui, view: &mut ViewState, actions: &mut Vec<Ac
         .on_hover_text("Show a scale bar for the depth at the centre");
     ui.checkbox(&mut scene.axes, "Axes")
         .on_hover_text("Show the directions of the world axes");
+    ui.checkbox(&mut scene.frame_points, "Points of the frame")
+        .on_hover_text("Show the depth of the shown frame over the fused cloud");
     ui.horizontal(|ui| {
         ui.label("Cameras");
         let frustum = Slider::new(&mut scene.frustum, 0.02..=0.5)
@@ -63,6 +65,25 @@ pub(super) fn display_ui(ui: &mut Ui, view: &mut ViewState, actions: &mut Vec<Ac
             ui.add(faint).on_hover_text(tip).accessible_name("Opacity of others");
         });
     uncertain_ui(ui, &mut view.scene.uncertain_below);
+    least_views_ui(ui, &mut view.scene.least_views);
+}
+
+/// Largest number of views that the slider sets.
+const MOST_VIEWS: u32 = 10;
+
+fn least_views_ui(ui: &mut Ui, least: &mut u32) {
+    ui.horizontal(|ui| {
+        ui.label("Least views");
+        let mut shown = (*least).max(1);
+        let slider = ui
+            .add(Slider::new(&mut shown, 1..=MOST_VIEWS).show_value(false))
+            .on_hover_text("Hide points of a fused cloud that fewer views voted on")
+            .accessible_name("Number of views");
+        ui.weak(shown.to_string());
+        if slider.changed() {
+            *least = shown;
+        }
+    });
 }
 
 /// Initial vote share below which points count as uncertain.

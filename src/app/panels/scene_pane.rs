@@ -1,5 +1,3 @@
-use std::sync::Arc;
-
 use egui::{PointerButton, Rect, Response, Role, Sense, Ui, WidgetInfo};
 use glam::{Vec2, Vec3};
 
@@ -7,9 +5,8 @@ use super::inspector::{InspectedPlace, inspector_ui};
 use super::ruler::scale_bar_mark_ui;
 use super::ruler_marks::ruler_marks;
 use super::scene_bar::{scene_bar_ui, scene_context_ui};
-use super::scene_content::{
-    Framed, SceneCanvas, SceneViewport, bounds, every_nth, framing, image_planes, message, model,
-};
+use super::scene_content::{SceneCanvas, SceneViewport, image_planes, message, model, points_over};
+use super::scene_framing::{Framed, InView, own_camera_note_ui};
 use super::scene_overlay::{blend, marks};
 use super::scene_picks::{Purpose, SceneHover, ScenePicks, VisibleScene, view_px};
 use super::scene_select::{choose_by_hand, chosen_ui};
@@ -20,8 +17,8 @@ use crate::view_state::SceneAction;
 use crate::{Action, SessionView, ViewState};
 use ostra_frames::Frame;
 use ostra_view::{
-    Appearance, Axes, Bounds, Clip, Orbit, PickRequest, RenderRequest, Scene3d, SceneStyle,
-    ViewCamera, frustum_lines, link_lines, pick_frustum,
+    Appearance, Axes, Clip, Orbit, PickRequest, RenderRequest, Scene3d, SceneStyle, ViewCamera,
+    frustum_lines, link_lines, pick_frustum,
 };
 
 /// 3-D view: camera, rendered texture, picking and inspection.
@@ -29,6 +26,7 @@ pub struct ScenePane {
     canvas: Option<SceneCanvas>,
     orbit: Option<Orbit>,
     framed: Framed,
+    in_view: InView,
     /// Pointer position of the last zoom, its target, and whether the target was picked.
     zoom_anchor: Option<(egui::Pos2, Vec3, bool)>,
     picks: ScenePicks,
@@ -49,6 +47,7 @@ impl ScenePane {
             canvas: gpu.map(SceneCanvas::new),
             orbit: None,
             framed: Framed::default(),
+            in_view: InView::default(),
             zoom_anchor: None,
             picks: ScenePicks::default(),
             through: None,
@@ -73,14 +72,7 @@ impl ScenePane {
             .iter_mut()
             .chain(&mut self.through)
             .for_each(|orbit| orbit.scale_by(factor));
-        self.framed.centre *= factor;
-        self.framed.radius *= factor;
-        if let Some(extent) = &mut self.framed.extent {
-            *extent = Bounds {
-                min: extent.min * factor,
-                max: extent.max * factor,
-            };
-        }
+        self.framed.scale_by(factor);
         // Pending picks refer to positions from before the change of scale.
         self.picks = ScenePicks::default();
         self.zoom_anchor = None;
@@ -145,29 +137,16 @@ impl ScenePane {
         inspector_ui(ui, &viewport, &mut self.inspected_place, session, view);
         chosen_ui(ui, &viewport, session, view, actions);
         scene_context_ui(ui, rect, session, view, actions);
+        own_camera_note_ui(ui, rect, session);
+        self.in_view.ui(ui, &viewport, session, view, actions);
         is_dragged
     }
 
-    /// Frames the scene for a new cloud, for the first cameras, or on request.
+    /// Frames the scene for new content or on request, and performs other one-time actions.
     fn frame_new_content(&mut self, session: &SessionView<'_>, view: &mut ViewState, aspect: f32) {
-        let same = match (&self.framed.cloud, session.points()) {
-            (Some(old), Some(new)) => Arc::ptr_eq(old, new),
-            (None, None) => true,
-            _ => false,
-        };
         let request = view.scene_action.take();
-        if !same || self.orbit.is_none() || request == Some(SceneAction::FrameAll) {
-            self.measure(session);
-            // A recomputed cloud keeps the view that the user chose.
-            let keep = self.orbit.is_some()
-                && request.is_none()
-                && self.framed.cloud.is_some()
-                && session.points().is_some();
-            if !keep {
-                self.orbit = framing(session, aspect);
-            }
-            self.framed.cloud = session.points().cloned();
-        }
+        let is_asked = request == Some(SceneAction::FrameAll);
+        self.orbit = self.framed.follow(self.orbit, session, aspect, is_asked);
         let follows = view.scene.through.is_some_and(|frame| frame != view.frame);
         if request == Some(SceneAction::LookThrough) || follows {
             let put = self.look_through(session.project.frames.get(view.frame));
@@ -184,17 +163,6 @@ impl ScenePane {
         {
             orbit.recentre(inspected_point.place());
         }
-    }
-
-    fn measure(&mut self, session: &SessionView<'_>) {
-        let bounds = bounds(session);
-        self.framed.centre = bounds.as_ref().map_or(Vec3::ZERO, Bounds::centre);
-        self.framed.radius = bounds.map_or(1.0, |bounds| bounds.radius());
-        let axes = Axes::of_cameras(&session.project.frames);
-        self.framed.axes = Some(axes);
-        self.framed.extent = session
-            .points()
-            .and_then(|cloud| axes.bounds(every_nth(cloud).map(|n| cloud.positions[n])));
     }
 
     /// Rotates the view until the user interacts with it.
@@ -236,6 +204,11 @@ impl ScenePane {
             hidden: view.hidden.clone(),
             isolated: view.scene.isolated,
             uncertain_below: view.scene.uncertain_below,
+            least_views: if view.scene.least_views > 1 {
+                view.scene.least_views
+            } else {
+                0
+            },
             faint: view.prefs.scene.faint,
             tree: session.shown_tree(),
             votes: session.votes.cloned(),
@@ -458,6 +431,7 @@ impl ScenePane {
                 style,
                 lines,
                 planes,
+                over: points_over(session),
             },
         ) {
             ui.ctx().request_repaint();

@@ -155,14 +155,24 @@ struct PickQuery {
     hidden: BTreeSet<LabelId>,
     isolated: Option<LabelId>,
     uncertain_below: Option<f32>,
+    least_views: u32,
     cloud: Weak<LabelledCloud>,
 }
 
 impl PickQuery {
     fn is(&self, other: &Self) -> bool {
         (self.at, self.camera, self.clip) == (other.at, other.camera, other.clip)
-            && (&self.hidden, self.isolated, self.uncertain_below)
-                == (&other.hidden, other.isolated, other.uncertain_below)
+            && (
+                &self.hidden,
+                self.isolated,
+                self.uncertain_below,
+                self.least_views,
+            ) == (
+                &other.hidden,
+                other.isolated,
+                other.uncertain_below,
+                other.least_views,
+            )
             && self.cloud.ptr_eq(&other.cloud)
     }
 }
@@ -195,6 +205,7 @@ impl SceneHover {
             hidden: seen.appearance.hidden.clone(),
             isolated: seen.appearance.isolated,
             uncertain_below: seen.appearance.uncertain_below,
+            least_views: seen.appearance.least_views,
             cloud: Arc::downgrade(cloud),
         };
         match &self.found {

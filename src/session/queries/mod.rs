@@ -6,6 +6,7 @@
 mod angles;
 mod cloud;
 mod conflicts;
+mod depth_points;
 mod instances;
 mod prompt_preview;
 mod selection;
@@ -19,6 +20,11 @@ pub use angles::Angles;
 pub(crate) use angles::{AnglesKey, find_angles};
 pub(crate) use cloud::{CloudKey, CloudQuery, CloudState, LoadedCloud, Snapshot, load_cloud};
 pub(crate) use conflicts::{Conflicts, ConflictsKey, find_conflicts};
+pub use depth_points::DepthPoints;
+pub(crate) use depth_points::{
+    AllPointsKey, DepthFrames, DepthPixels, DepthPointsKey, FramePointsKey, label_points,
+    place_all, place_frame,
+};
 pub use instances::ProposedInstances;
 pub(crate) use instances::{InstancesKey, find_instances, propose_instances};
 pub(crate) use prompt_preview::{PromptTools, preview_prompt};

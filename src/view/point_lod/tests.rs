@@ -13,7 +13,7 @@ fn blocks_hold_each_point_once_and_block_prefixes_are_spread_evenly() {
     let mut seen = vec![0; positions.len()];
     for (number, block) in all.blocks.iter().enumerate() {
         let Bounds { min, max } = block.bounds;
-        for (index, _) in all.part_of(number, 0..block.len()) {
+        for Disc { index, .. } in all.part_of(number, 0..block.len()) {
             seen[index] += 1;
             assert!(positions[index].cmpge(min).all() && positions[index].cmple(max).all());
         }
@@ -21,7 +21,7 @@ fn blocks_hold_each_point_once_and_block_prefixes_are_spread_evenly() {
         for along_axis in [Vec3::X, Vec3::Y] {
             let along = |part| {
                 all.part_of(number, part)
-                    .map(|(index, _)| positions[index].dot(along_axis))
+                    .map(|disc| positions[disc.index].dot(along_axis))
             };
             let mut sorted: Vec<f32> = along(0..block.len()).collect();
             sorted.sort_by(f32::total_cmp);
@@ -47,13 +47,13 @@ fn sample_is_spread_over_the_cloud_with_discs_that_close_the_surface() {
     let sample = PointLod::of_sample(&positions, 10_000);
     let left = sample
         .discs()
-        .filter(|&(index, _)| positions[index].x < 150.0)
+        .filter(|disc| positions[disc.index].x < 150.0)
         .count();
     assert!(
         sample.len() == 10_000 && (4500..5500).contains(&left),
         "{left}"
     );
-    let radius = sample.discs().map(|(_, radius)| radius).sum::<f32>() / 10_000.0;
+    let radius = sample.discs().map(|disc| disc.radius).sum::<f32>() / 10_000.0;
     assert!(
         (2.0..3.3).contains(&radius),
         "{radius} for every third point along each axis"
@@ -117,7 +117,7 @@ fn spacing(positions: &[Vec3]) -> Vec<f32> {
     order
         .iter()
         .zip(along)
-        .for_each(|(&index, spacing)| by_index[index as usize] = spacing);
+        .for_each(|(&index, spacing)| by_index[index as usize] = spacing.length);
     by_index
 }
 
@@ -176,6 +176,28 @@ fn spacing_is_local_and_outliers_do_not_increase_it() {
         "{:?}",
         &spacing[sparse..]
     );
+}
+
+#[test]
+fn lone_points_are_small_and_do_not_shade_others() {
+    let mut positions = strewn(100, 1.0);
+    let surface = positions.len();
+    positions.extend((1..=30).map(|k| Vec3::new(0.5, 0.5, k as f32)));
+    let all = PointLod::of(&positions);
+    let usual = median_spacing(spacing(&positions));
+    let mut lone = 0;
+    for disc in all.discs().collect::<Vec<_>>() {
+        if disc.index < surface {
+            assert!(!disc.is_lone, "{disc:?}");
+            assert_eq!(disc.shade([1, 2, 3, 255]), [1, 2, 3, 255]);
+        } else {
+            assert!(disc.is_lone && disc.radius <= 1.001 * usual, "{disc:?}");
+            assert_eq!(disc.shade([1, 2, 3, 255]), [1, 2, 3, 254]);
+            assert_eq!(disc.shade([0; 4]), [0; 4], "it stays hidden");
+            lone += 1;
+        }
+    }
+    assert_eq!(lone, 30);
 }
 
 #[test]

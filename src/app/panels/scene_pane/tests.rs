@@ -1,4 +1,5 @@
 use super::*;
+use ostra_view::Bounds;
 
 #[test]
 fn clip_box_and_both_eyes_follow_the_scale() {
