@@ -57,6 +57,7 @@ mod perform;
 mod pointer;
 mod prefs;
 mod ranges;
+mod scene_image;
 mod scene_prefs;
 mod session_view;
 mod shell;

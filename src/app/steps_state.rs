@@ -7,7 +7,7 @@ use ostra_project::workflow::WorkflowStep;
 pub struct StepsState {
     /// Open step; `None` while all are closed.
     pub open: Option<WorkflowStep>,
-    /// WorkflowStep that was recommended when the window was last drawn.
+    /// Step that was recommended when the window was last drawn.
     recommended: Option<WorkflowStep>,
     /// Whether the user opened a step other than the recommended one, or closed it.
     is_chosen: bool,

@@ -1,4 +1,3 @@
-use std::f32::consts::TAU;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -7,21 +6,21 @@ use anyhow::Result;
 use egui::{Context, ViewportBuilder, ViewportCommand};
 
 use super::attention::{Attention, title_with_progress};
-use super::dialogs::{PathPicker, ScreenshotRequest, Take};
+use super::dialogs::PathPicker;
 use super::file_manager::open_folder;
 use super::opening::{MakeExample, Opening, example_folder, open_dropped, open_paths};
 use super::option_names::in_window_words;
+use super::scene_image::write_scene_image;
 use super::theme::set_theme;
 use super::view_state::RecipeTarget;
 use super::{Layers, Panes, Prefs, SessionView, Severity, Shell, ViewState, layers_of};
 use ostra_compute::nn::{ModelStatus, Provider};
 use ostra_core::disk;
-use ostra_frames::{Frame, TurntableOptions};
+use ostra_frames::Frame;
 use ostra_project::export_targets::ExportTargets;
 use ostra_project::{Estimate, Project, scale_between};
 use ostra_session::Event;
 use ostra_session::{Command, EngineInfo, Images, Recent, Session, list_engines, list_models};
-use ostra_view::{RenderRequest, write_png};
 
 /// Opens the window.
 ///
@@ -242,7 +241,10 @@ impl Window {
             self.save_recipe(&target);
         }
         if let Some((request, portrait)) = self.shell.view.portrait.take() {
-            self.render(&request, portrait);
+            let started = write_scene_image(&mut self.session, &request, portrait);
+            if let Err(error) = started {
+                self.fail(&format!("{error:#}"));
+            }
         }
     }
 
@@ -372,44 +374,6 @@ impl Window {
             format!("{}{access} – OSTRA", name.to_string_lossy())
         });
         title_with_progress(&title, &self.session.jobs())
-    }
-
-    /// Renders an image or video of the 3-D view in the background.
-    fn render(&mut self, request: &ScreenshotRequest, portrait: RenderRequest) {
-        let (width, height) = request.size;
-        let started = match request.take {
-            Take::Still { transparent } => {
-                let write = move |path: &Path| {
-                    Ok(write_png(
-                        path,
-                        &portrait.draw(width, height, 0.0, transparent),
-                        transparent,
-                    )?)
-                };
-                self.session
-                    .write_image(&request.path, request.overwrite, write)
-            }
-            Take::Turntable { count, fps } => {
-                let options = TurntableOptions {
-                    size: request.size,
-                    count,
-                    fps: f64::from(fps),
-                };
-                self.session.write_turntable(
-                    &request.path,
-                    options,
-                    request.overwrite,
-                    move |number| {
-                        portrait
-                            .draw(width, height, TAU * number as f32 / count as f32, false)
-                            .image
-                    },
-                )
-            }
-        };
-        if let Err(error) = started {
-            self.fail(&format!("{error:#}"));
-        }
     }
 
     fn save_recipe(&mut self, target: &RecipeTarget) {

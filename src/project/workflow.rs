@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use crate::{MaskOrigin, Project, ResultKind};
 use ostra_frames::{Frame, ImageSource};
 
-/// WorkflowStep of the way from frames to measures.
+/// Step of the way from frames to measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum WorkflowStep {
     /// Marks objects on some frames.
@@ -58,7 +58,7 @@ pub struct WorkflowInput {
 pub struct Workflow {
     /// The steps with their states.
     pub steps: [StepStatus; 5],
-    /// WorkflowStep to do next.
+    /// Step to do next.
     pub next: WorkflowStep,
 }
 

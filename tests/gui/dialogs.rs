@@ -234,6 +234,7 @@ fn written(harness: &mut egui_kittest::Harness<'_, Desk>) -> ExportRequest {
 fn export_writes_the_checked_outputs() {
     let mut harness = exporting(Desk::sample());
     harness.get_all_by_label("Masks").last().unwrap().click();
+    harness.get_all_by_label("Cameras").last().unwrap().click();
     harness.get_by_label("Undistorted").click();
     harness.get_by_label("Traits").click();
     harness.get_by_label("Advanced options").click();
@@ -251,7 +252,7 @@ fn export_writes_the_checked_outputs() {
     assert_eq!(request.cloud, path("/out/cloud.ply"));
     assert_eq!(request.masks, path("/out/masks"));
     assert_eq!(request.traits, path("/out/traits.csv"));
-    assert_eq!(request.cameras, None);
+    assert_eq!(request.cameras, path("/out/sparse"));
     assert_eq!(request.undistorted, path("/out/undistorted"));
     assert_eq!(request.camera_encoding, ModelEncoding::Binary);
     assert_eq!(

@@ -123,7 +123,7 @@ fn files_without_a_folder_are_written_to_the_current_folder() {
 fn failed_export_gives_one_error_line_and_leaves_no_file() {
     let (recording, project) = fused();
     let wrong = recording.path("out/c.xyz");
-    assert!(refused(&["export", &project, "--cloud", &wrong]).contains(".ply, .las, .laz, .pcd"));
+    assert!(refused(&["export", &project, "--cloud", &wrong]).contains(".ply, .las, .laz or .pcd"));
     let file = recording.path("file");
     std::fs::write(&file, "").unwrap();
     let below = format!("{file}/c.las");

@@ -262,7 +262,8 @@ fn scale_ui(
         .speed(0.1)
         .max_decimals(6);
     let tip = format!("True distance of the two points in {}", unit.sign());
-    ui.name_inputs("True length", |ui| ui.add(length))
+    let size = egui::vec2(56.0, ui.spacing().interact_size.y);
+    ui.name_inputs("True length", |ui| ui.add_sized(size, length))
         .on_hover_text(tip);
     let unit = &mut view.ruler.length_unit;
     let choice = ComboBox::from_id_salt("true length unit")

@@ -147,11 +147,15 @@ fn masks_label_the_points_without_reading_depths_again() {
         stale: false,
         confidence: Default::default(),
     };
+    let label = Edit::SetLabel {
+        id: LabelId(3),
+        label: Some(ostra_project::testing::label(3, "leaf")),
+    };
     let edit = Edit::SetMask {
         frame: 0,
         mask: Some(mask),
     };
-    session.commit("Mask", vec![edit]).unwrap();
+    session.commit("Mask", vec![label, edit]).unwrap();
     let earlier = session.depth_points(0, false).unwrap();
     assert!(
         Arc::ptr_eq(earlier, &before),

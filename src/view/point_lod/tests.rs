@@ -185,11 +185,13 @@ fn lone_points_are_small_and_do_not_shade_others() {
     positions.extend((1..=30).map(|k| Vec3::new(0.5, 0.5, k as f32)));
     let all = PointLod::of(&positions);
     let usual = median_spacing(spacing(&positions));
-    let mut lone = 0;
+    let (mut lone, mut lone_of_surface) = (0, 0);
     for disc in all.discs().collect::<Vec<_>>() {
         if disc.index < surface {
-            assert!(!disc.is_lone, "{disc:?}");
-            assert_eq!(disc.shade([1, 2, 3, 255]), [1, 2, 3, 255]);
+            // In a random scatter a few points are far from all others.
+            lone_of_surface += usize::from(disc.is_lone);
+            let opacity = 255 - u8::from(disc.is_lone);
+            assert_eq!(disc.shade([1, 2, 3, 255]), [1, 2, 3, opacity]);
         } else {
             assert!(disc.is_lone && disc.radius <= 1.001 * usual, "{disc:?}");
             assert_eq!(disc.shade([1, 2, 3, 255]), [1, 2, 3, 254]);
@@ -198,6 +200,10 @@ fn lone_points_are_small_and_do_not_shade_others() {
         }
     }
     assert_eq!(lone, 30);
+    assert!(
+        lone_of_surface * 1000 <= surface,
+        "{lone_of_surface} of {surface}"
+    );
 }
 
 #[test]

@@ -81,7 +81,7 @@ fn extension_selects_the_format_and_errors_list_all() {
         VoxelFormat::of(Path::new("v.obj"))
             .unwrap_err()
             .to_string()
-            .contains(".ply, .npz, .vox")
+            .contains(".ply, .npz or .vox")
     );
 }
 
