@@ -43,6 +43,7 @@ mod panels;
 mod running;
 #[cfg(test)]
 mod scene;
+#[cfg(test)]
 mod scene_content;
 #[cfg(test)]
 mod select;

@@ -21,7 +21,7 @@ pub(super) fn ruler_marks(ui: &Ui, viewport: &SceneViewport, ruler: &Ruler, unit
     for (place, (text, at)) in values(ruler, unit).into_iter().enumerate() {
         if let Some(at) = seen(at) {
             let rect = tag(&painter, at, &text);
-            announce(ui, rect, ("ruler value", place), format!("Ruler: {text}"));
+            announce(ui, rect, ("ruler value", place), &format!("Ruler: {text}"));
         }
     }
     for (place, &at) in ruler.points.iter().enumerate() {
@@ -32,7 +32,7 @@ pub(super) fn ruler_marks(ui: &Ui, viewport: &SceneViewport, ruler: &Ruler, unit
                 ui,
                 rect,
                 ("ruler point", place),
-                format!("Ruler point {number}"),
+                &format!("Ruler point {number}"),
             );
         }
     }
@@ -65,9 +65,9 @@ fn values(ruler: &Ruler, unit: LengthUnit) -> Vec<(String, Vec3)> {
 }
 
 /// Lets screen readers and tests find a drawn text; clicks go through it.
-fn announce(ui: &Ui, rect: Rect, id: (&str, usize), text: String) {
+fn announce(ui: &Ui, rect: Rect, id: (&str, usize), text: &str) {
     let response = ui.interact(rect, Id::unique(id), Sense::hover());
-    response.widget_info(|| WidgetInfo::labeled(Role::Label, true, &text));
+    response.widget_info(|| WidgetInfo::labeled(Role::Label, true, text));
 }
 
 fn point(painter: &Painter, at: Pos2, number: &str) -> Rect {
