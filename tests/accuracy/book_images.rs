@@ -232,6 +232,11 @@ fn pages_on_labelling_and_3d() {
     for (dialog, name) in [(Dialog::Export, "export"), (Dialog::Models, "networks")] {
         stage.view().dialog = Some(dialog);
         stage.settle();
+        if dialog == Dialog::Export {
+            stage.harness.get_by_label("Export folder").focus();
+            stage.press(Modifiers::COMMAND, Key::A);
+            stage.type_into("Export folder", "/results/plant");
+        }
         stage.save(name);
         stage.view().dialog = None;
     }
@@ -293,9 +298,22 @@ fn pages_on_photos() {
     stage.press(Modifiers::NONE, Key::F6);
     stage.view().dialog = Some(Dialog::NewProject);
     stage.settle();
-    stage.type_into("Frames", "/photos/rice");
+    // A short path that looks like that of a user.
+    let photos = std::env::temp_dir().join("photos/rice");
+    tutorials::copy(&tutorials::rgbd().join("example/recording/color"), &photos);
+    stage.type_into("Frames", photos.to_str().unwrap());
+    for _ in 0..6000 {
+        if stage.harness.query_by_label_contains("16 images").is_some() {
+            break;
+        }
+        stage.harness.run_steps(1);
+        std::thread::park_timeout(Duration::from_millis(10));
+    }
+    stage.harness.get_by_label_contains("16 images");
+    stage.settle();
     stage.save("new-project");
     drop(stage);
+    std::fs::remove_dir_all(photos).unwrap();
     for line in [
         "ostra reconstruct plant --method mvs --max-side 320",
         "ostra fuse plant",
