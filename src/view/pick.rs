@@ -77,11 +77,11 @@ pub fn pick_point(cloud: &LabelledCloud, request: &PickRequest) -> Option<usize>
     let mut solid: Vec<&Seen> = hits().filter(|hit| hit.opacity == most).collect();
     solid.sort_by(|a, b| a.depth.total_cmp(&b.depth).then(a.index.cmp(&b.index)));
     let is_of_surface = |hit: &&&Seen| {
-        let beside = seen.iter().filter(|other| {
+        let neighbours = seen.iter().filter(|other| {
             other.at_px.distance(hit.at_px) <= AROUND_PX
                 && camera.farther_by(other.depth, hit.depth).abs() <= SAME_DEPTH
         });
-        beside.take(FEW + 1).count() > FEW
+        neighbours.take(FEW + 1).count() > FEW
     };
     let nearest = solid.iter().find(is_of_surface).or(solid.first())?.depth;
     solid
@@ -285,13 +285,13 @@ mod tests {
     }
 
     #[test]
-    fn points_beside_and_behind_the_camera_are_not_in_view() {
+    fn points_left_of_the_image_and_behind_the_camera_are_not_in_view() {
         let (cloud, camera) = wall_behind_a_lone_point();
         assert!(is_any_in_view(&cloud.positions, &camera));
         assert!(!is_any_in_view(&[], &camera));
         let behind = camera.unproject(Vec2::splat(200.0), -2.0);
-        let beside = camera.unproject(Vec2::new(-30.0, 200.0), 2.0);
-        assert!(!is_any_in_view(&[behind, beside], &camera));
-        assert!(is_any_in_view(&[behind, beside, Vec3::ZERO], &camera));
+        let lateral = camera.unproject(Vec2::new(-30.0, 200.0), 2.0);
+        assert!(!is_any_in_view(&[behind, lateral], &camera));
+        assert!(is_any_in_view(&[behind, lateral, Vec3::ZERO], &camera));
     }
 }
