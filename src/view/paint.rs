@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::point_lod::SpreadOrder;
+use super::spread_order::SpreadOrder;
 use super::style::{Coloring, ramp};
 use super::{Appearance, Bounds};
 use ostra_cloud::LabelledCloud;

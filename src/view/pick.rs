@@ -7,7 +7,8 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::paint::Paint;
-use super::point_lod::{SpreadOrder, outside_job_pool};
+use super::point_lod::outside_job_pool;
+use super::spread_order::SpreadOrder;
 use super::{Appearance, Clip, ViewCamera};
 use ostra_cloud::LabelledCloud;
 use ostra_frames::Frame;

@@ -10,13 +10,12 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::Bounds;
+use super::point_spacing::{RADIUS, Spacing, local_spacing};
+use super::spread_order::SpreadOrder;
 use ostra_cloud::{LabelledCloud, morton};
-use ostra_core::statistics::upper_median;
 
 /// Average number of points per block.
 const BLOCK: usize = 16_384;
-/// Disc radius as a share of the local spacing; 0.71 would close a square grid.
-const RADIUS: f32 = 0.75;
 
 /// All points of a cloud, or an even sample of them, in compact blocks with disc radii.
 ///
@@ -255,126 +254,6 @@ fn cut(keys: &[u64], size: usize) -> Vec<Range<usize>> {
     blocks
 }
 
-/// Number of points before and after a point in the order that are searched for neighbours.
-const REACH: usize = 16;
-/// Rank of the neighbour whose distance is the spacing.
-///
-/// On a surface, the distance to the fourth neighbour is about the side of the square that each
-/// point has to itself. That holds for random points and for a grid.
-const NEIGHBOUR: usize = 4;
-/// Maximum spacing as a multiple of the distance to the second neighbour.
-///
-/// On a surface the fourth neighbour is hardly farther than that (1.46 times for random points).
-/// Along a stem that is one point wide it is farther, and the discs would protrude from the stem.
-const MOST_OF_SECOND: f32 = 1.5;
-/// Number of consecutive points whose median spacing is compared.
-const RUN: usize = 16;
-/// Maximum spacing as a multiple of the median over three runs (of the median of each run).
-const MOST_OF_RUNS: f32 = 1.5;
-/// Spacing as multiples of the median over the cloud and over three runs.
-///
-/// A point with a larger spacing is lone.
-const MOST_OF_LONE: [f32; 2] = [4.0, 3.0];
-/// Spacing as a multiple of the median over the cloud, from which all points of a run are lone.
-const LONE_RUN: f32 = 8.0;
-/// Maximum spacing as a multiple of the median over the cloud.
-const MOST_OF_CLOUD: f32 = 6.0;
-/// Spacing that a lone point is drawn with, as a multiple of the median over the cloud.
-///
-/// Its disc is twice as wide as the spacing. Larger discs of outliers would hide what is behind
-/// them.
-const OF_LONE: f32 = 1.0 / RADIUS;
-/// Number of points per parallel task.
-const PIECE: usize = 256 * RUN;
-
-/// Spacing around a point.
-#[derive(Debug, Clone, Copy, Default)]
-struct Spacing {
-    /// Distance to neighbours in world units, limited so that discs of outliers stay small.
-    length: f32,
-    /// Whether the point has no neighbours nearby.
-    is_lone: bool,
-}
-
-/// Estimates the spacing between points around each point of `order`.
-///
-/// Neighbours in space must be near each other in `order`. The spacing is 0 where a cloud has too
-/// few points.
-fn local_spacing(positions: &[Vec3], order: &[u32]) -> Vec<Spacing> {
-    let mut spacing = vec![0.0; order.len()];
-    spacing
-        .par_chunks_mut(PIECE)
-        .enumerate()
-        .for_each(|(piece, own)| to_neighbours(positions, order, piece * PIECE, own));
-    let usual_of_runs: Vec<f32> = spacing
-        .par_chunks(RUN)
-        .map(|run| median_spacing(run.to_vec()))
-        .collect();
-    let sample = SpreadOrder::new(usual_of_runs.len());
-    let usual = median_spacing(
-        (0..usual_of_runs.len().min(100_000))
-            .map(|place| usual_of_runs[sample.at(place)])
-            .collect(),
-    );
-    let usual = if usual.is_finite() { usual } else { 0.0 };
-    let around = |run: usize| {
-        let runs = run.saturating_sub(1)..(run + 2).min(usual_of_runs.len());
-        median_spacing(usual_of_runs[runs].to_vec())
-    };
-    let around: Vec<f32> = (0..usual_of_runs.len())
-        .into_par_iter()
-        .map(around)
-        .collect();
-    let limited = |(place, &length): (usize, &f32)| {
-        let local = around[place / RUN];
-        let most = local * MOST_OF_RUNS;
-        let is_far = length > usual * MOST_OF_LONE[0] && length > local * MOST_OF_LONE[1];
-        let is_lone = is_far || length.min(most) > usual * LONE_RUN;
-        Spacing {
-            length: length.min(if is_lone {
-                usual * OF_LONE
-            } else {
-                most.min(usual * MOST_OF_CLOUD)
-            }),
-            is_lone,
-        }
-    };
-    spacing.par_iter().enumerate().map(limited).collect()
-}
-
-/// Writes the distance to the neighbours of each point from position `first` of `order` on.
-///
-/// The distance is infinite where there are too few neighbours. Points at the same position are not
-/// neighbours.
-fn to_neighbours(positions: &[Vec3], order: &[u32], first: usize, own: &mut [f32]) {
-    let begin = first.saturating_sub(REACH);
-    let end = (first + own.len() + REACH).min(order.len());
-    let near: Vec<Vec3> = order[begin..end]
-        .iter()
-        .map(|&index| positions[index as usize])
-        .collect();
-    for (offset, own) in own.iter_mut().enumerate() {
-        let at = first + offset - begin;
-        let mut nearest = [f32::INFINITY; NEIGHBOUR];
-        for other in &near[at.saturating_sub(REACH)..(at + REACH + 1).min(near.len())] {
-            let mut squared = other.distance_squared(near[at]);
-            if squared > 0.0 && squared < nearest[NEIGHBOUR - 1] {
-                for kept in &mut nearest {
-                    (*kept, squared) = (kept.min(squared), kept.max(squared));
-                }
-            }
-        }
-        *own = nearest[NEIGHBOUR - 1]
-            .sqrt()
-            .min(nearest[1].sqrt() * MOST_OF_SECOND);
-    }
-}
-
-/// Returns the median, or 0 without points.
-fn median_spacing(mut spacing: Vec<f32>) -> f32 {
-    upper_median(&mut spacing).unwrap_or(0.0)
-}
-
 /// Number of points that are shown until all points are arranged.
 const SAMPLE: usize = 65_536;
 
@@ -451,36 +330,6 @@ fn arrange(
         return Ok(());
     }
     sender.send(Arc::new(PointLod::along(&cloud.positions, order)))
-}
-
-/// A permutation of `0..count` in which every prefix is spread evenly over the whole range.
-///
-/// It consists of multiples of the golden section. It needs no stored shuffle, and any number of
-/// points of a block can be drawn.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct SpreadOrder {
-    count: u64,
-    stride: u64,
-}
-
-impl SpreadOrder {
-    pub(super) fn new(count: usize) -> Self {
-        let count = count as u64;
-        let mut stride = ((count as f64 * 0.618_033_988_75) as u64).max(1);
-        while gcd(stride, count) > 1 {
-            stride += 1;
-        }
-        Self { count, stride }
-    }
-
-    /// Returns the element at `place`.
-    pub(super) fn at(&self, place: usize) -> usize {
-        (place as u64 * self.stride % self.count.max(1)) as usize
-    }
-}
-
-fn gcd(a: u64, b: u64) -> u64 {
-    if b == 0 { a } else { gcd(b, a % b) }
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use wgpu::util::DeviceExt;
 
 use super::paint::Paint;
 use super::pipelines::{Pipelines, SurfaceVertex};
-use super::point_lod::SpreadOrder;
+use super::spread_order::SpreadOrder;
 use ostra_cloud::LabelledMesh;
 
 /// Maximum number of triangles per chunk; each chunk has its own vertex and index buffer.

@@ -1,6 +1,7 @@
 use glam::Vec3;
 use rand::{RngExt, SeedableRng};
 
+use super::super::point_spacing::median_spacing;
 use super::*;
 
 #[test]
@@ -185,13 +186,12 @@ fn lone_points_are_small_and_do_not_shade_others() {
     positions.extend((1..=30).map(|k| Vec3::new(0.5, 0.5, k as f32)));
     let all = PointLod::of(&positions);
     let usual = median_spacing(spacing(&positions));
-    let (mut lone, mut lone_of_surface) = (0, 0);
+    let mut lone = 0;
     for disc in all.discs().collect::<Vec<_>>() {
         if disc.index < surface {
-            // In a random scatter a few points are far from all others.
-            lone_of_surface += usize::from(disc.is_lone);
-            let opacity = 255 - u8::from(disc.is_lone);
-            assert_eq!(disc.shade([1, 2, 3, 255]), [1, 2, 3, opacity]);
+            // Not even where the curve jumps and the neighbours are far away along it.
+            assert!(!disc.is_lone, "{disc:?}");
+            assert_eq!(disc.shade([1, 2, 3, 255]), [1, 2, 3, 255]);
         } else {
             assert!(
                 disc.is_lone && disc.radius <= 1.1 * usual,
@@ -203,10 +203,6 @@ fn lone_points_are_small_and_do_not_shade_others() {
         }
     }
     assert_eq!(lone, 30);
-    assert!(
-        lone_of_surface * 1000 <= surface,
-        "{lone_of_surface} of {surface}"
-    );
 }
 
 #[test]
@@ -267,18 +263,4 @@ fn dropping_the_work_releases_the_cloud() {
         Arc::strong_count(&cloud) == 1
     });
     assert!(ended, "the cloud has no other owner in the end");
-}
-
-#[test]
-fn spread_order_visits_every_point_once() {
-    for count in [1, 2, 7, 100, 4096, 99_991] {
-        let order = SpreadOrder::new(count);
-        let mut seen = vec![false; count];
-        for place in 0..count {
-            assert!(
-                !std::mem::replace(&mut seen[order.at(place)], true),
-                "{count}"
-            );
-        }
-    }
 }
