@@ -62,6 +62,40 @@ fn typed_folder_is_previewed_and_enter_creates_the_project() {
 }
 
 #[test]
+fn form_stays_where_it_is_while_the_preview_fills_and_a_folder_is_typed() {
+    let dir = tempfile::tempdir().unwrap();
+    images(dir.path());
+    let mut harness = window();
+    harness.get_by_label("Photos of an object").click();
+    harness.run_steps(4);
+    let places = |harness: &Shown| {
+        [
+            "Create",
+            "Cancel",
+            "Choose folder…",
+            "Browse Project folder",
+        ]
+        .map(|name| harness.get_by_label(name).rect())
+    };
+    let before = places(&harness);
+    harness.event(egui::Event::Text(dir.path().display().to_string()));
+    until(&mut harness, "the images are counted", |harness| {
+        has(harness, "3 images")
+    });
+    harness.run_steps(4);
+    assert_eq!(places(&harness), before);
+    harness
+        .get_all_by_label("Project folder")
+        .last()
+        .unwrap()
+        .focus();
+    harness.run_steps(2);
+    harness.event(egui::Event::Text("plant".into()));
+    harness.run_steps(4);
+    assert_eq!(places(&harness), before);
+}
+
+#[test]
 fn error_keeps_the_form_filled() {
     let dir = tempfile::tempdir().unwrap();
     images(dir.path());

@@ -101,11 +101,11 @@ fn frames_ui(ui: &mut Ui, view: &mut ViewState) {
     } else {
         chosen_ui(ui, form);
     }
-    if let [path] = &form.paths()[..]
-        && let Some(whole) = resolved(path)
-    {
-        ui.weak(whole.display().to_string());
-    }
+    let whole = match &form.paths()[..] {
+        [path] => resolved(path),
+        _ => None,
+    };
+    ui.weak(whole.map_or_else(|| " ".into(), |path| path.display().to_string()));
     ui.horizontal(|ui| {
         let buttons = [
             (
@@ -195,11 +195,9 @@ fn root_ui(
         };
         path_field_ui(ui, picker, &field, &mut form.root);
     });
-    if let Some(path) = typed_path(&form.root)
-        && let Some(whole) = resolved(&path)
-    {
-        ui.weak(whole.display().to_string());
-    }
+    // The row is there from the start, so that the buttons below stay where they are.
+    let whole = typed_path(&form.root).and_then(|path| resolved(&path));
+    ui.weak(whole.map_or_else(|| " ".into(), |path| path.display().to_string()));
 }
 
 fn advanced_ui(ui: &mut Ui, view: &mut ViewState) {

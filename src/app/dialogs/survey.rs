@@ -15,6 +15,8 @@ use ostra_session::Survey;
 /// Number of thumbnails shown, and their height in points.
 const THUMBNAILS: usize = 6;
 const THUMBNAIL_HEIGHT: f32 = 62.0;
+/// Height of the preview in points, from the start, so that nothing below moves when it fills.
+const FOUND_HEIGHT: f32 = 160.0;
 
 /// Draws what was found in the given files, with a tick for each part that can be left out.
 pub(super) fn found_ui(
@@ -37,7 +39,7 @@ pub(super) fn found_ui(
         .inner_margin(10.0)
         .show(ui, |ui| {
             ui.set_width(ui.available_width());
-            ui.set_min_height(46.0);
+            ui.set_min_height(FOUND_HEIGHT);
             match survey {
                 _ if hovered => {
                     ui.strong("Drop to add");
