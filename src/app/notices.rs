@@ -1,4 +1,4 @@
-use egui::{Align2, RichText, Ui};
+use egui::{Align2, Rect, RichText, Ui};
 
 /// Severity of a notice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,19 +24,29 @@ pub struct Notice {
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Notices {
     shown: Vec<Notice>,
+    /// Warnings that a form showed while the user could still choose otherwise.
+    read_before: Vec<String>,
 }
 
 /// Maximum number of notices. More would cover the window, so the oldest are dropped.
 const MOST: usize = 5;
 
 impl Notices {
-    /// Adds a notice, unless an equal one is already shown.
+    /// Sets the warnings that the user has just read in a form; they are not shown a second time.
+    pub fn set_read_before(&mut self, warnings: Vec<String>) {
+        self.read_before = warnings;
+    }
+
+    /// Adds a notice, unless an equal one is already shown or was read in a form.
     pub fn tell(&mut self, severity: Severity, text: impl Into<String>) {
         let notice = Notice {
             severity,
             text: text.into(),
         };
-        if !self.shown.contains(&notice) {
+        let read = |text: &String| severity == Severity::Warning && *text == notice.text;
+        if let Some(index) = self.read_before.iter().position(read) {
+            self.read_before.remove(index);
+        } else if !self.shown.contains(&notice) {
             self.shown.push(notice);
         }
         if self.shown.len() > MOST {
@@ -51,14 +61,17 @@ impl Notices {
     }
 }
 
-/// Draws the notices at the lower right, above the filmstrip, each with a dismiss button.
-pub(super) fn notices_ui(ui: &Ui, notices: &mut Notices) {
+/// Draws the notices at the lower right of `panes`, each with a dismiss button.
+///
+/// They do not cover the side panel, where the user goes on working.
+pub(super) fn notices_ui(ui: &Ui, notices: &mut Notices, panes: Rect) {
     if notices.shown.is_empty() {
         return;
     }
     let mut dismissed = None;
     egui::Area::new(egui::Id::unique("notices"))
-        .anchor(Align2::RIGHT_BOTTOM, [-12.0, -152.0])
+        .pivot(Align2::RIGHT_BOTTOM)
+        .fixed_pos(panes.right_bottom() - egui::vec2(12.0, 12.0))
         .order(egui::Order::Foreground)
         .show(ui.ctx(), |ui| {
             for (index, notice) in notices.shown.iter().enumerate() {
@@ -116,5 +129,17 @@ mod tests {
         }
         assert_eq!(notices.shown().len(), MOST);
         assert_eq!(notices.shown()[MOST - 1].text, "8");
+    }
+
+    #[test]
+    fn warning_that_was_read_in_a_form_is_not_shown_again() {
+        let mut notices = Notices::default();
+        notices.set_read_before(vec!["a".into()]);
+        notices.tell(Severity::Error, "a");
+        assert_eq!(notices.shown().len(), 1, "an error is another matter");
+        notices.tell(Severity::Warning, "a");
+        assert_eq!(notices.shown().len(), 1);
+        notices.tell(Severity::Warning, "a");
+        assert_eq!(notices.shown().len(), 2, "it happened a second time");
     }
 }

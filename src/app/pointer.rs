@@ -24,6 +24,27 @@ pub(crate) fn pointer_path(ui: &Ui, buttons: &[PointerButton]) -> Vec<Pos2> {
     })
 }
 
+/// Returns where the primary button was pressed and released in this frame, in screen points.
+///
+/// A press before the last release of the frame is returned too. egui reports no drag if the
+/// pointer moves and the button is released in one slow frame; the events always have both.
+pub(crate) fn primary_ends(ui: &Ui) -> (Option<Pos2>, Option<Pos2>) {
+    ui.input(|input| {
+        let last = |down| {
+            input.events.iter().rev().find_map(|event| match event {
+                Event::PointerButton {
+                    pos,
+                    button: PointerButton::Primary,
+                    pressed,
+                    ..
+                } if *pressed == down => Some(*pos),
+                _ => None,
+            })
+        };
+        (last(true), last(false))
+    })
+}
+
 fn place(event: &Event) -> Option<Pos2> {
     match event {
         Event::PointerMoved(at) | Event::PointerButton { pos: at, .. } => Some(*at),

@@ -109,11 +109,13 @@ impl Shell {
         }
         self.bars_ui(ui, session, &mut requests);
         let fill = ui.visuals().panel_fill;
-        CentralPanel::default()
+        let panes = CentralPanel::default()
             .frame(Frame::new().fill(fill))
             .show(ui, |ui| {
                 self.panes_ui(ui, session, &mut requests);
-            });
+            })
+            .response
+            .rect;
         self.dialogs_ui(ui, session, &mut requests);
         leaving_ui(ui, session, &mut self.leaving, &mut requests.actions);
         if self.view.matches.open && session.has_frames() {
@@ -122,7 +124,7 @@ impl Shell {
         if session.has_frames() && self.view.dialog.is_none() {
             drop_hint_ui(ui);
         }
-        notices_ui(ui, &mut self.view.notices);
+        notices_ui(ui, &mut self.view.notices, panes);
         self.took_keys = takes_keys(ui.ctx());
         let Requests {
             mut commands,

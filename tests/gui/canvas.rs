@@ -7,7 +7,9 @@ use ostra_app::Tool;
 use ostra_masks::{ElasticBorders, LabelId};
 use ostra_session::{Command, MoveBorderRequest, PaintRequest, PromptRequest, TraceRequest};
 
-use crate::desk::{Desk, choose_more, click_at, drag, drag_fast, flick, hold, on_screen, press};
+use crate::desk::{
+    Desk, choose_more, click_at, drag, drag_fast, drag_in_two_frames, flick, hold, on_screen, press,
+};
 
 fn prompts(requested: &[Command]) -> Vec<&PromptRequest> {
     requested
@@ -84,6 +86,52 @@ fn dragging_makes_a_box_and_escape_drops_it() {
     hold(&mut harness, from, to);
     escape_and_let_go(&mut harness, from);
     assert!(prompts(&harness.state().requested).is_empty());
+}
+
+#[test]
+fn box_and_border_obey_a_drag_within_one_or_two_slow_frames() {
+    let whole = |harness: &mut Harness<'_, Desk>, from, to| {
+        flick(harness, &[from, to], PointerButton::Primary);
+    };
+    for (way, drag) in [
+        (
+            "two frames",
+            drag_in_two_frames as fn(&mut Harness<'_, Desk>, _, _),
+        ),
+        ("one frame", whole),
+    ] {
+        let mut harness = Desk::sample().shown();
+        let (from, to) = (
+            on_screen(&harness, 10.0, 12.0),
+            on_screen(&harness, 40.0, 30.0),
+        );
+        drag(&mut harness, from, to);
+        let requested = prompts(&harness.state().requested);
+        let [PromptRequest { prompt, .. }] = &requested[..] else {
+            panic!("{way}: {:?}", harness.state().requested)
+        };
+        assert!(prompt.clicks.is_empty(), "{way}");
+        let corner = prompt.boxes[0].min_px;
+        assert!(
+            corner.distance(glam::DVec2::new(10.0, 12.0)) < 0.3,
+            "{way}: {corner}"
+        );
+
+        harness.state_mut().requested.clear();
+        harness.state_mut().shell.view.label = Some(LabelId(2));
+        harness.state_mut().shell.view.tool = Tool::Border;
+        let region = harness.state().project.masks[&0]
+            .runs
+            .decode()
+            .region(LabelId(2));
+        let border = ElasticBorders::of(&region)
+            .nearest(glam::DVec2::new(17.0, 21.0))
+            .unwrap();
+        let from = on_screen(&harness, border.x as f32, border.y as f32);
+        let to = on_screen(&harness, border.x as f32 + 6.0, border.y as f32);
+        drag(&mut harness, from, to);
+        assert_eq!(pulls(&harness.state().requested).len(), 1, "{way}");
+    }
 }
 
 #[test]

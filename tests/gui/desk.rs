@@ -262,6 +262,25 @@ pub fn drag_fast(harness: &mut Harness<'_, Desk>, places: &[Pos2], button: egui:
     harness.run_steps(2);
 }
 
+/// Drags as while frames are slow: the press falls into one frame, all else into the next.
+pub fn drag_in_two_frames(harness: &mut Harness<'_, Desk>, from: Pos2, to: Pos2) {
+    let press = |pos, pressed| egui::Event::PointerButton {
+        pos,
+        button: egui::PointerButton::Primary,
+        pressed,
+        modifiers: egui::Modifiers::NONE,
+    };
+    harness.hover_at(from);
+    harness.run_steps(1);
+    harness.event(press(from, true));
+    harness.run_steps(1);
+    let moved = (1..=4_u8)
+        .map(|step| egui::Event::PointerMoved(from + (to - from) * (f32::from(step) / 4.0)));
+    let events = moved.chain([press(to, false)]);
+    harness.input_mut().events.extend(events);
+    harness.run_steps(2);
+}
+
 /// Presses at the first place, moves along the others and releases, all within one frame.
 ///
 /// A tap on a touchpad sends its events like this.

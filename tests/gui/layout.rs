@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use egui::{Key, Modifiers, Rect, Vec2};
 use egui_kittest::Harness;
-use egui_kittest::kittest::Queryable;
+use egui_kittest::kittest::{NodeT, Queryable};
 use ostra_app::Panes;
 use ostra_frames::{DepthSource, Orientation};
 use ostra_masks::LabelTree;
@@ -81,6 +81,38 @@ fn small_window_is_usable_in_every_step() {
         tools.iter().all(|tool| (tool.center().y - top).abs() < 3.0),
         "one row: {tools:?}"
     );
+}
+
+#[test]
+fn nothing_in_the_side_panel_is_cut_off_at_its_right_edge() {
+    let mut all = Vec::new();
+    for size in [Vec2::new(1280.0, 800.0), Vec2::new(800.0, 600.0)] {
+        for step in STEPS {
+            let mut harness = at_size(Desk::sample(), size);
+            harness.state_mut().shell.view.steps.is_expanded = true;
+            harness.run_steps(3);
+            open_step(&mut harness, step);
+            if let Some(advanced) = harness.query_by_label("Advanced") {
+                advanced.click();
+                harness.run_steps(30);
+            }
+            let edge = f64::from(harness.ctx.content_rect().right());
+            let cut: Vec<String> = harness
+                .root()
+                .children_recursive()
+                .filter_map(|node| {
+                    let node = node.accesskit_node();
+                    let right = node.bounding_box()?.x1;
+                    (right > edge + 0.5).then(|| format!("{:?} to {right}", node.label()))
+                })
+                .collect();
+            all.extend(
+                cut.into_iter()
+                    .map(|name| format!("{size} {step:?}: {name}")),
+            );
+        }
+    }
+    assert!(all.is_empty(), "{all:#?}");
 }
 
 /// Returns a project as it is after it was created from photos.

@@ -96,6 +96,8 @@ impl HeldBorder {
 /// Drawing in progress, and prompts and strokes sent but not yet applied to the project.
 #[derive(Debug, Clone, Default)]
 pub struct Draft {
+    /// Where the primary button was pressed on the image, in screen points, while it is down.
+    pub pressed: Option<egui::Pos2>,
     /// Corner where the box started.
     pub box_from: Option<DVec2>,
     /// Stroke in progress.
@@ -123,6 +125,7 @@ impl Draft {
     /// Drops the drawing in progress; returns `false` if there was none.
     pub fn drop_half_made(&mut self) -> bool {
         let had = self.is_half_made();
+        self.pressed = None;
         self.box_from = None;
         self.stroke = None;
         self.corners.clear();

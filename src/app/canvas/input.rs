@@ -1,4 +1,4 @@
-use egui::{Key, PointerButton, Response, Ui};
+use egui::{Key, PointerButton, Pos2, Response, Ui};
 use glam::DVec2;
 
 use super::draft::{Stroke, Tool};
@@ -6,7 +6,7 @@ use super::map::CanvasMap;
 use super::prompts::{
     box_of, chosen_label, click_at, fill_polygon, hold_border, move_border, paint, trace_thin,
 };
-use crate::pointer::pointer_path;
+use crate::pointer::{pointer_path, primary_ends};
 use crate::{SessionView, ViewState};
 use ostra_session::Command;
 
@@ -25,15 +25,54 @@ impl CanvasPointer<'_> {
             .map(|at| self.map.to_px(at))
     }
 
-    /// Returns the image position where a drag that begins in this frame was pressed.
-    fn drag_began(&self) -> Option<DVec2> {
-        let began = self.response.drag_started_by(PointerButton::Primary);
-        let moved = self.response.total_drag_delta().unwrap_or_default();
-        self.response
-            .interact_pointer_pos()
-            .filter(|_| began)
-            .map(|at| self.map.to_px(at - moved))
+    /// Follows a drag with the primary button from its press on the image to its release.
+    ///
+    /// `pressed` is where the button was pressed, while it is down.
+    fn follow_drag(&self, pressed: &mut Option<Pos2>) -> ImageDrag {
+        let (press, release) = primary_ends(self.ui);
+        let is_ours = |at: Pos2| {
+            let is_whole =
+                release.is_some() && self.ui.ctx().layer_id_at(at) == Some(self.response.layer_id);
+            self.response.rect.contains(at)
+                && (self.response.is_pointer_button_down_on() || is_whole)
+        };
+        if let Some(at) = press {
+            *pressed = Some(at).filter(|&at| is_ours(at));
+        }
+        let Some(from) = *pressed else {
+            return ImageDrag::None;
+        };
+        let from_px = self.map.to_px(from);
+        match release {
+            Some(to) => {
+                *pressed = None;
+                if self.response.clicked() || from.distance(to) < DRAG_POINTS {
+                    ImageDrag::None
+                } else {
+                    ImageDrag::Done(from_px, self.map.to_px(to))
+                }
+            }
+            None if self.response.dragged_by(PointerButton::Primary) => ImageDrag::From(from_px),
+            None if self.ui.input(|input| input.pointer.primary_down()) => ImageDrag::None,
+            // The release did not reach the window.
+            None => {
+                *pressed = None;
+                ImageDrag::None
+            }
+        }
     }
+}
+
+/// Movement below which a press and a release are no drag, in screen points.
+const DRAG_POINTS: f32 = 3.0;
+
+/// A drag over the image, in image pixels.
+enum ImageDrag {
+    None,
+    /// The button was pressed here and the pointer has moved.
+    From(DVec2),
+    /// The button was pressed and released here.
+    Done(DVec2, DVec2),
 }
 
 /// Translates pointer input on the image into commands.
@@ -102,16 +141,15 @@ fn click_tool(
         }
         return;
     }
-    if let Some(begin) = pointer.drag_began() {
-        view.draft.box_from = Some(map.clamped(begin));
-    }
-    if response.drag_stopped_by(PointerButton::Primary)
-        && let (Some(from), Some(to)) = (view.draft.box_from.take(), at)
-    {
-        let to = map.clamped(to);
-        let size = (to - from).abs();
-        if size.min_element() >= 2.0 {
-            box_of(session, view, [from, to], out);
+    match pointer.follow_drag(&mut view.draft.pressed) {
+        ImageDrag::None => view.draft.box_from = None,
+        ImageDrag::From(from) => view.draft.box_from = Some(map.clamped(from)),
+        ImageDrag::Done(from, to) => {
+            view.draft.box_from = None;
+            let (from, to) = (map.clamped(from), map.clamped(to));
+            if (to - from).abs().min_element() >= 2.0 {
+                box_of(session, view, [from, to], out);
+            }
         }
     }
 }
@@ -199,13 +237,21 @@ fn border_tool(
     out: &mut Vec<Command>,
 ) {
     let CanvasPointer { response, map, .. } = pointer;
-    if let Some(begin) = pointer.drag_began() {
-        hold_border(session, view, begin, HOLD_POINTS / f64::from(map.scale));
-    }
-    if response.drag_stopped_by(PointerButton::Primary)
-        && let (Some(held), Some(to)) = (view.draft.held.take(), pointer.position())
-    {
-        move_border(&held, to, out);
+    let reach_px = HOLD_POINTS / f64::from(map.scale);
+    match pointer.follow_drag(&mut view.draft.pressed) {
+        ImageDrag::From(from) if response.drag_started_by(PointerButton::Primary) => {
+            hold_border(session, view, from, reach_px);
+        }
+        ImageDrag::None | ImageDrag::From(_) => {}
+        ImageDrag::Done(from, to) => {
+            // A drag within a slow frame has no start of its own.
+            if !response.drag_stopped_by(PointerButton::Primary) {
+                hold_border(session, view, from, reach_px);
+            }
+            if let Some(held) = view.draft.held.take() {
+                move_border(&held, to, out);
+            }
+        }
     }
 }
 

@@ -407,6 +407,8 @@ fn end_ui(ui: &mut Ui, view: &mut ViewState, survey: Option<&Survey>, out: &mut 
             }
         }
         form.stage = Stage::Sent;
+        let warnings = survey.warnings.iter().map(|text| in_window_words(text));
+        view.notices.set_read_before(warnings.collect());
     }
     if cancelled && is_sent {
         out.push(Command::Stop);

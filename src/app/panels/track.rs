@@ -191,6 +191,9 @@ fn direction_ui(ui: &mut Ui, direction: &mut Direction) {
         (Direction::Both, "Both", "To earlier and later frames"),
         (Direction::Forward, "Forward", "Only to later frames"),
     ];
+    // Three names side by side fit the panel at its least width.
+    ui.spacing_mut().button_padding.x = 4.0;
+    ui.spacing_mut().item_spacing.x = 2.0;
     for (value, text, tip) in choices {
         ui.selectable_value(direction, value, text)
             .on_hover_text(tip);
