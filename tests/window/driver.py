@@ -68,7 +68,7 @@ class Window:
     """A running window, with a home folder of its own."""
 
     def __init__(self, program, shots, size=(1280, 800), arguments=()):
-        self.shots, self.size = shots, size
+        self.program, self.shots, self.size = program, shots, size
         self.number, self.actions, self.seconds = 0, 0, 0.0
         self.home = tempfile.mkdtemp(prefix="ostra-window-")
         os.makedirs(shots, exist_ok=True)
@@ -218,10 +218,11 @@ class Window:
         scale = min((width - MARGIN) / size[0], (height - MARGIN) / size[1])
         return left + width / 2 + (x - size[0] / 2) * scale, top + height / 2 + (y - size[1] / 2) * scale
 
-    def click_image(self, x, y, size, button=1, keys=()):
-        """Clicks a pixel of the shown image and waits for the answer."""
+    def click_image(self, x, y, size, button=1, keys=(), wait=True):
+        """Clicks a pixel of the shown image and waits for the answer, unless another job runs."""
         self.press_at(*self.on_image(x, y, size), button, keys)
-        self.wait_until_idle()
+        if wait:
+            self.wait_until_idle()
 
     def box_image(self, begin, end, size):
         self.drag(self.on_image(*begin, size), self.on_image(*end, size))
@@ -249,6 +250,10 @@ class Window:
         total = time.monotonic() - self.began
         return (f"{name}: {self.actions} actions, {self.seconds:.0f} s of a practised user, "
                 f"{self.waited:.0f} s waited, {total:.0f} s in all")
+
+    def run(self, *words):
+        """Runs a command line of the program where the window was started."""
+        return subprocess.run([self.program, *words], check=True, capture_output=True, text=True, cwd=self.home).stdout
 
     def close(self):
         if self.process.poll() is None:
