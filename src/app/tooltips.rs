@@ -95,6 +95,17 @@ pub(super) fn field<R>(
     result
 }
 
+/// Draws a check box for a number that is chosen by itself; returns whether it was changed.
+///
+/// Its text gives way to the number, so that both fit the side panel.
+pub(super) fn automatic_ui(ui: &mut Ui, is_automatic: &mut bool, tip: &str) -> bool {
+    let text = if *is_automatic { "Automatic" } else { "" };
+    ui.checkbox(is_automatic, text)
+        .on_hover_text(tip)
+        .accessible_name("Automatic")
+        .changed()
+}
+
 /// Formats a number with thin spaces between thousands.
 pub(super) fn grouped(number: usize) -> String {
     let digits = number.to_string();

@@ -89,7 +89,11 @@ fn nothing_in_the_side_panel_is_cut_off_at_its_right_edge() {
     for size in [Vec2::new(1280.0, 800.0), Vec2::new(800.0, 600.0)] {
         for step in STEPS {
             let mut harness = at_size(Desk::sample(), size);
-            harness.state_mut().shell.view.steps.is_expanded = true;
+            let view = &mut harness.state_mut().shell.view;
+            view.steps.is_expanded = true;
+            view.reconstruct.max_side = Some(1600);
+            view.fuse.voxel = Some(0.000_125);
+            (view.track.from, view.track.to) = (Some(10), Some(11));
             harness.run_steps(3);
             open_step(&mut harness, step);
             if let Some(advanced) = harness.query_by_label("Advanced") {

@@ -3,7 +3,7 @@ use ostra_session::JobTask;
 
 use super::jobs::{RunButton, progress_text, run_button_ui};
 use crate::dialogs::{PathField, Pick, PickTarget, path_field_ui};
-use crate::tooltips::{field, grouped, section_heading};
+use crate::tooltips::{automatic_ui, field, grouped, section_heading};
 use crate::{Action, SessionView, ViewState};
 use ostra_project::ResultKind;
 use ostra_session::Command;
@@ -82,11 +82,7 @@ pub(super) fn fuse_advanced_ui(ui: &mut Ui, view: &mut ViewState) {
 
 fn voxel_ui(ui: &mut Ui, view: &mut ViewState) {
     let mut chosen = view.fuse.voxel.is_none();
-    if ui
-        .checkbox(&mut chosen, "Automatic")
-        .on_hover_text("Derive the size from the data")
-        .changed()
-    {
+    if automatic_ui(ui, &mut chosen, "Automatic: derived from the data") {
         view.fuse.voxel = (!chosen).then_some(0.005);
     }
     if let Some(voxel) = &mut view.fuse.voxel {

@@ -4,7 +4,7 @@ use ostra_session::JobTask;
 
 use super::jobs::{RunButton, progress_text, run_button_ui};
 use super::track::engine_choice_ui;
-use crate::tooltips::{action_button, field};
+use crate::tooltips::{action_button, automatic_ui, field};
 use crate::{Action, SessionView, ViewState};
 use ostra_project::ReconstructMethod;
 use ostra_session::EngineKind;
@@ -210,7 +210,8 @@ fn registration_ui(ui: &mut Ui, chosen: &mut RegistrationId) {
 
 fn side_ui(ui: &mut Ui, max_side: &mut Option<u32>) {
     let mut full = max_side.is_none();
-    if ui.checkbox(&mut full, "Automatic").changed() {
+    let tip = "Automatic: 3200 px for cameras and 1600 px for depth maps";
+    if automatic_ui(ui, &mut full, tip) {
         *max_side = (!full).then_some(1600);
     }
     if let Some(side) = max_side {
