@@ -263,6 +263,10 @@ fn placed(models: &[Mapped]) -> usize {
 
 /// Number of model images that an image is compared with; those with most matches come first.
 const NEIGHBOURS: usize = 24;
+/// Number of these that are compared before it is checked whether more are needed.
+const TOGETHER: usize = 8;
+/// Number of images that agree with enough matches each, with which no more are needed.
+const SUFFICIENT: usize = 4;
 
 /// Additional matches of one image.
 struct Gained {
@@ -297,34 +301,40 @@ impl Retry<'_> {
     ) -> Result<Option<Gained>, SfmError> {
         let own = &self.attempt.images[self.image];
         let all: Vec<&ImageFeatures> = std::iter::once(own).chain(views).collect();
-        let neighbours = self.neighbours();
         let mut merged = Merged::new(own);
-        let mut found = Vec::with_capacity(neighbours.len());
-        for by_view in self.matches(&all, &neighbours, progress)? {
-            let numbered = by_view.into_iter().flat_map(|(view, matches)| {
-                let numbers: Vec<_> = matches
-                    .into_iter()
-                    .map(|(index, other)| (merged.number(all[view], index), other))
-                    .collect();
-                numbers
-            });
-            found.push(one_to_one(numbered));
+        let mut pairs: Vec<TriedPair> = Vec::new();
+        for neighbours in self.neighbours().chunks(TOGETHER) {
+            let mut found = Vec::with_capacity(neighbours.len());
+            for by_view in self.matches(&all, neighbours, progress)? {
+                let numbered = by_view.into_iter().flat_map(|(view, matches)| {
+                    let numbers: Vec<_> = matches
+                        .into_iter()
+                        .map(|(index, other)| (merged.number(all[view], index), other))
+                        .collect();
+                    numbers
+                });
+                found.push(one_to_one(numbered));
+            }
+            let tried = neighbours
+                .par_iter()
+                .zip(&found)
+                .map(|(&other, found)| self.verified(merged.image(), other, found));
+            let tried: Vec<TriedPair> = tried.collect();
+            let gained = |pair: &TriedPair| agreeing(pair) > self.agreed(pair.images);
+            pairs.extend(tried.into_iter().filter(gained));
+            let good = pairs.iter().filter(|pair| agreeing(pair) >= enough);
+            if good.count() >= SUFFICIENT {
+                break;
+            }
         }
         let image = merged.into_image();
-        let tried = neighbours
-            .par_iter()
-            .zip(&found)
-            .map(|(&other, found)| self.verified(&image, other, found));
-        let pairs: Vec<TriedPair> = tried
-            .filter(|pair| agreeing(pair) > self.agreed(pair.images))
-            .collect();
         Ok(pairs
             .iter()
             .any(|pair| agreeing(pair) >= enough)
             .then_some(Gained { image, pairs }))
     }
 
-    /// Returns images of the model, ascending.
+    /// Returns images of the model, those with most matches first.
     fn neighbours(&self) -> Vec<usize> {
         let matches = |other: u32| {
             let pair = ordered(self.image as u32, other);
@@ -341,12 +351,8 @@ impl Retry<'_> {
             .collect();
         ranked.sort_unstable_by_key(|&(matches, other)| (std::cmp::Reverse(matches), other));
         ranked.truncate(NEIGHBOURS);
-        let mut neighbours: Vec<usize> = ranked
-            .into_iter()
-            .map(|(_, other)| other as usize)
-            .collect();
-        neighbours.sort_unstable();
-        neighbours
+        let others = ranked.into_iter().map(|(_, other)| other as usize);
+        others.collect()
     }
 
     /// Returns the matches of each view by neighbour.

@@ -302,9 +302,7 @@ impl<T: Value> Comparison<'_, T> {
         );
         for (row, &index) in rows.chunks_exact_mut(steps).zip(members) {
             let values = &self.values[0][index as usize * self.dim..][..self.dim];
-            row.iter_mut()
-                .zip(values.chunks(T::STEP))
-                .for_each(|(to, values)| *to = T::pack(values));
+            T::pack(values, |k, packed| row[k] = packed);
         }
     }
 
@@ -318,10 +316,7 @@ impl<T: Value> Comparison<'_, T> {
         for (panel, members) in panels.chunks_exact_mut(steps).zip(members.chunks(LANES)) {
             for (lane, &index) in members.iter().enumerate() {
                 let values = &self.values[1][index as usize * self.dim..][..self.dim];
-                panel
-                    .iter_mut()
-                    .zip(values.chunks(T::STEP))
-                    .for_each(|(to, values)| to[lane] = T::pack(values));
+                T::pack(values, |k, packed| panel[k][lane] = packed);
             }
         }
     }

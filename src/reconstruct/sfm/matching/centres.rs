@@ -23,8 +23,8 @@ pub(crate) trait Value: Copy + Send + Sync {
     /// Number of values in one [`Self::Packed`].
     const STEP: usize;
 
-    /// Packs at most [`Self::STEP`] neighbouring values.
-    fn pack(values: &[Self]) -> Self::Packed;
+    /// Packs values, and passes each pack to `put` with its number.
+    fn pack(values: &[Self], put: impl FnMut(usize, Self::Packed));
 
     /// Computes the dot products of some rows with the columns of a panel, for vectors of length 1.
     fn tile<const FUSED: bool>(
@@ -54,8 +54,8 @@ impl Value for u8 {
     const STEP: usize = 2;
 
     #[inline(always)]
-    fn pack(values: &[Self]) -> BytePair {
-        BytePair::of(values)
+    fn pack(values: &[Self], put: impl FnMut(usize, BytePair)) {
+        BytePair::each_of(values, put);
     }
 
     #[inline(always)]
@@ -92,8 +92,10 @@ impl Value for f32 {
     const STEP: usize = 1;
 
     #[inline(always)]
-    fn pack(values: &[Self]) -> Self {
-        values.first().copied().unwrap_or_default()
+    fn pack(values: &[Self], mut put: impl FnMut(usize, Self)) {
+        for (k, &value) in values.iter().enumerate() {
+            put(k, value);
+        }
     }
 
     #[inline(always)]

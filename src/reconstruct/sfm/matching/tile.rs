@@ -39,11 +39,16 @@ pub(crate) fn tile<const FUSED: bool>(
 pub(crate) struct BytePair(pub [i16; 2]);
 
 impl BytePair {
-    /// Creates a pair; a missing second byte is 0.
+    /// Passes the pairs of some bytes to `put`, with their numbers; a missing second byte is 0.
     #[inline(always)]
-    pub fn of(bytes: &[u8]) -> Self {
-        let at = |k: usize| bytes.get(k).map_or(0, |&byte| i16::from(byte));
-        Self([at(0), at(1)])
+    pub fn each_of(bytes: &[u8], mut put: impl FnMut(usize, Self)) {
+        let (pairs, rest) = bytes.as_chunks::<2>();
+        for (k, &[a, b]) in pairs.iter().enumerate() {
+            put(k, Self([i16::from(a), i16::from(b)]));
+        }
+        if let [last] = rest {
+            put(pairs.len(), Self([i16::from(*last), 0]));
+        }
     }
 }
 
@@ -77,6 +82,9 @@ fn plain_byte_tile(rows: [&[BytePair]; ROWS], panel: &[[BytePair; LANES]]) -> [[
 /// Pairs of bytes, and sums, in one register of AVX2.
 #[cfg(target_arch = "x86_64")]
 const HALF: usize = LANES / 2;
+/// Rows whose sums stay in registers, with a column and a row of pairs and their products.
+#[cfg(target_arch = "x86_64")]
+const GROUP: usize = ROWS / 2;
 
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
@@ -85,9 +93,22 @@ fn avx2_byte_tile(
     rows: [&[BytePair]; ROWS],
     panel: &[[BytePair; LANES]],
 ) -> [[i32; LANES]; ROWS] {
+    let [a, b, c, d, e, f] = rows;
+    let [a, b, c] = avx2_byte_group(simd, [a, b, c], panel);
+    let [d, e, f] = avx2_byte_group(simd, [d, e, f], panel);
+    [a, b, c, d, e, f]
+}
+
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+fn avx2_byte_group(
+    simd: pulp::x86::V3,
+    rows: [&[BytePair]; GROUP],
+    panel: &[[BytePair; LANES]],
+) -> [[i32; LANES]; GROUP] {
     use pulp::{Simd as _, i16x16};
     let rows = rows.map(|row| &row[..panel.len()]);
-    let mut sums = [[simd.splat_u32s(0); 2]; ROWS];
+    let mut sums = [[simd.splat_u32s(0); 2]; GROUP];
     for (k, column) in panel.iter().enumerate() {
         let column: [i16x16; 2] = pulp::cast(*column);
         for (sum, row) in sums.iter_mut().zip(rows) {
@@ -119,7 +140,11 @@ mod tests {
             };
             let (mut firsts, seconds) = (bytes(ROWS), bytes(LANES));
             firsts[0].fill(255);
-            let pairs = |bytes: &Vec<u8>| bytes.chunks(2).map(BytePair::of).collect::<Vec<_>>();
+            let pairs = |bytes: &Vec<u8>| {
+                let mut pairs = Vec::new();
+                BytePair::each_of(bytes, |_, pair| pairs.push(pair));
+                pairs
+            };
             let rows: Vec<Vec<BytePair>> = firsts.iter().map(pairs).collect();
             let columns: Vec<Vec<BytePair>> = seconds.iter().map(pairs).collect();
             let panel: Vec<[BytePair; LANES]> = (0..rows[0].len())
