@@ -109,6 +109,11 @@ pub(super) enum Subcommand {
     Shot(ShotArgs),
     /// Summarise a project.
     Info(InfoArgs),
+    /// Remove the cached features and matches of a project; they are computed again when needed.
+    CleanCache {
+        /// Project folder.
+        project: PathBuf,
+    },
     /// Score a result against ground truth.
     #[command(subcommand)]
     Eval(EvalCommand),

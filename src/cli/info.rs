@@ -1,14 +1,16 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use clap::Args;
 use serde_json::{Value, json};
 
 use super::drive::Driver;
 use super::print::{print_json, print_text, warn};
 use ostra_frames::{Frame, missing_sources};
+use ostra_project::store::feature_cache_path;
 use ostra_project::{MaskOrigin, Project, ResultKind};
+use ostra_reconstruct::sfm::{feature_cache_bytes, remove_feature_cache};
 use ostra_session::Unfinished;
 
 #[derive(Debug, Args)]
@@ -24,10 +26,17 @@ pub(super) fn info(args: &InfoArgs) -> Result<()> {
     let driver = Driver::view(&args.project)?;
     let project = driver.project()?;
     warn_of_missing(&missing_sources(&project.frames));
+    let cache_bytes = feature_cache_bytes(&feature_cache_path(&args.project));
     if args.json {
-        print_json(&as_json(project));
+        print_json(&as_json(project, cache_bytes));
     } else {
         print_text(&as_text(project));
+        if cache_bytes > 0 {
+            print_text(&format!(
+                "cache of features and matches: {}; to remove it, run 'ostra clean-cache PROJECT'\n",
+                size_text(cache_bytes)
+            ));
+        }
         if let Some(unfinished) = Unfinished::read(&args.project) {
             print_text(&format!(
                 "reconstruction not finished ({:.0} % done): it is running, or it was interrupted; to continue it, open \
@@ -51,7 +60,7 @@ fn warn_of_missing(missing: &[&Path]) {
 }
 
 /// Summarises a project as `info --json` prints it.
-fn as_json(project: &Project) -> Value {
+fn as_json(project: &Project, cache_bytes: u64) -> Value {
     let frames: Vec<Value> = project
         .frames
         .iter()
@@ -77,7 +86,23 @@ fn as_json(project: &Project) -> Value {
             (result_name(*kind).to_owned(), value)
         })
         .collect();
-    json!({ "format": 1, "origin": project.origin.to_array(), "frames": frames, "labels": labels, "results": results })
+    json!({ "format": 1, "origin": project.origin.to_array(), "frames": frames, "labels": labels, "results": results, "cache_bytes": cache_bytes })
+}
+
+/// Returns a size as text, in MB.
+fn size_text(bytes: u64) -> String {
+    format!("{:.1} MB", bytes as f64 / 1e6)
+}
+
+/// Removes the cache of features and matches of a project.
+pub(super) fn clean_cache(project: &Path) -> Result<()> {
+    // Opened for changes, so that no other process is using it.
+    let _driver = Driver::open(project)?;
+    let folder = feature_cache_path(project);
+    let bytes = remove_feature_cache(&folder)
+        .with_context(|| format!("{}: cannot be removed", folder.display()))?;
+    print_text(&format!("removed {}\n", size_text(bytes)));
+    Ok(())
 }
 
 /// Summarises a project as readable text.

@@ -126,6 +126,9 @@ pub(super) struct ReconstructArgs {
     /// Registration of unconnected fragments of an RGB-D recording.
     #[arg(long, default_value = "auto", value_name = "NAME", value_parser = values::engine::<RegistrationId>())]
     pub registration: RegistrationId,
+    /// Maximum size of the project's cache of features and matches in GiB; 0 keeps none.
+    #[arg(long, default_value = "2", value_name = "GIB", value_parser = clap::value_parser!(u32).range(0..=1024))]
+    pub cache_limit: u32,
 }
 
 #[derive(Debug, Args)]
@@ -211,6 +214,7 @@ pub(super) fn reconstruct(args: ReconstructArgs) -> Result<()> {
         max_side: args.max_side,
         only_labelled: args.only_labelled,
         pairs: args.pair,
+        cache_limit_gib: args.cache_limit,
     };
     Driver::open(&args.project)?.act_and_save([Command::Reconstruct(request)])
 }

@@ -133,7 +133,8 @@ fn commands() -> Vec<Value> {
         "ground": {"plane": {"normal": [0.0, 0.0, 1.0], "offset": 0.5}}, "angles": [[1, 2]], "unit": "centimetre", "level": 1,
         "twin": true, "per_label": true, "simplify": 0.5, "overwrite": true});
     let reconstruct = json!({"method": "sfm", "every": 2, "device": "cpu", "features": "sift", "matcher": "nearest",
-        "registration": "fgr", "max_side": 900, "only_labelled": true, "pairs": [[0, 4]]});
+        "registration": "fgr", "max_side": 900, "only_labelled": true, "pairs": [[0, 4]],
+        "cache_limit_gib": 4});
     let thing = json!(["cup", {"min_px": [1.0, 1.0], "max_px": [9.0, 9.0]}]);
     let points = json!([[1.0, 2.0], [3.0, 4.0]]);
     let range = |change: Value| json!({"range": {"labels": [1], "from": 0, "to": 5, "change": change, "replace": true}});

@@ -87,6 +87,7 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
         Subcommand::Export(args) => export::export(args),
         Subcommand::Shot(args) => shot::shot(&args),
         Subcommand::Info(args) => info::info(&args),
+        Subcommand::CleanCache { project } => info::clean_cache(&project),
         Subcommand::Eval(command) => eval::eval(command),
         Subcommand::Models(command) => models::models(&command),
         Subcommand::Run {

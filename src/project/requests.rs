@@ -54,6 +54,24 @@ pub struct ReconstructRequest {
     /// Additional pairs of frames to match.
     #[serde(default)]
     pub pairs: Vec<[usize; 2]>,
+    /// Maximum size in GiB of the project's cache of features and matches; 0 keeps none.
+    #[serde(default = "default_cache_limit_gib")]
+    pub cache_limit_gib: u32,
+}
+
+/// Features of about 1,500 images with 8,192 each, with their matches.
+const CACHE_LIMIT_GIB: u32 = 2;
+
+fn default_cache_limit_gib() -> u32 {
+    CACHE_LIMIT_GIB
+}
+
+impl ReconstructRequest {
+    /// Returns the maximum size of the project's cache in bytes.
+    #[must_use]
+    pub fn cache_limit_bytes(&self) -> u64 {
+        u64::from(self.cache_limit_gib) << 30
+    }
 }
 
 impl Default for ReconstructRequest {
@@ -68,6 +86,7 @@ impl Default for ReconstructRequest {
             max_side: None,
             only_labelled: false,
             pairs: Vec::new(),
+            cache_limit_gib: CACHE_LIMIT_GIB,
         }
     }
 }

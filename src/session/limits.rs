@@ -36,6 +36,8 @@ const DEPTH_UNITS: [f64; 2] = [1e-12, 1e6];
 const SHORT_SIDES: std::ops::RangeInclusive<u32> = 64..=4096;
 /// Range of the longer image side for stereo, in pixels, as on the command line.
 const MAX_SIDES: std::ops::RangeInclusive<u32> = 64..=8192;
+/// Maximum size of a project's cache, in GiB, as on the command line.
+const MAX_CACHE_GIB: u32 = 1024;
 
 impl Command {
     /// Checks every number in the command before it is executed.
@@ -220,6 +222,11 @@ fn check_reconstruct(request: &ReconstructRequest, project: Option<&Project>) ->
         side.is_none(),
         "a longer side of {} pixels is not possible; give {least} to {most}",
         side.unwrap_or_default()
+    );
+    ensure!(
+        request.cache_limit_gib <= MAX_CACHE_GIB,
+        "a cache of {} GiB is not possible; give 0 to {MAX_CACHE_GIB}",
+        request.cache_limit_gib
     );
     let frames = project.map_or(0, |project| project.frames.len());
     for &[a, b] in &request.pairs {
@@ -415,6 +422,12 @@ mod tests {
                 ..Default::default()
             })
         };
+        let cached = |cache_limit_gib| {
+            Command::Reconstruct(ReconstructRequest {
+                cache_limit_gib,
+                ..Default::default()
+            })
+        };
         let fuse = |voxel| {
             Command::Fuse(FuseRequest {
                 voxel: Some(voxel),
@@ -436,6 +449,7 @@ mod tests {
             (track(u32::MAX), "64 to 4096"),
             (reconstruct(1, u32::MAX), "64 to 8192"),
             (reconstruct(0, 1024), "at least 1"),
+            (cached(1025), "0 to 1024"),
             (fuse(0.0), "above 0"),
             (fuse(f64::NAN), "above 0"),
             (export(7.0), "at most 1"),

@@ -51,7 +51,7 @@ impl FeatureExtractor for Columns {
 
 /// Extracts and matches the features of two images, or reads them from the folder.
 fn extract_and_match(folder: &Path) {
-    let cache = FeatureCache::open(folder.to_owned());
+    let cache = FeatureCache::open(folder.to_owned(), 1 << 30);
     let extractor = CachedExtractor {
         extractor: &Columns,
         identity: "fuzz",

@@ -2,14 +2,24 @@
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use image::{GrayImage, Luma};
+use ostra_core::job::Progress;
+use ostra_frames::{FrameStore, OpenRequest, open};
 use ostra_project::{ReconstructMethod, ReconstructRequest};
+use ostra_reconstruct::sfm::matching::NearestMatcher;
+use ostra_reconstruct::sfm::{
+    CachedExtractor, CachedMatcher, FeatureCache, FeatureError, FeatureMatcher, Features,
+    MapperOptions, PairMatches, PairOptions, SfmError, SfmRequest, SfmResult, Sift,
+    structure_from_motion,
+};
 use ostra_session::Event;
 use ostra_session::{Command, Session};
+use serde_json::Value;
 
 use super::scale::{HEIGHT, Photos, WIDTH, done_with_both};
-use crate::program::contents;
+use crate::program::{contents, done};
 use crate::session::perform;
 
 /// Returns the files of the project's sparse model, without the status of each frame.
@@ -101,6 +111,217 @@ fn stopped_reconstruction_resumes_with_its_features() {
     );
 }
 
+/// Matches nearest descriptors, and stops the run after a number of pairs.
+struct StoppingMatcher {
+    matcher: NearestMatcher,
+    progress: Progress,
+    pairs: AtomicUsize,
+    stop_after: usize,
+}
+
+impl FeatureMatcher for StoppingMatcher {
+    fn name(&self) -> &'static str {
+        self.matcher.name()
+    }
+
+    fn shared_images(&self, images: &[&Features]) -> Vec<usize> {
+        self.matcher.shared_images(images)
+    }
+
+    fn matches(
+        &self,
+        first: &Features,
+        second: &Features,
+    ) -> Result<Vec<(u32, u32)>, FeatureError> {
+        self.matcher.matches(first, second)
+    }
+
+    fn of_set<'a>(&'a self, images: &'a [&'a Features]) -> Result<PairMatches<'a>, FeatureError> {
+        let matches = self.matcher.of_set(images)?;
+        Ok(Box::new(move |first, second| {
+            if self.pairs.fetch_add(1, Ordering::Relaxed) + 1 == self.stop_after {
+                self.progress.stop();
+            }
+            matches(first, second)
+        }))
+    }
+}
+
+/// Runs structure from motion on the images of a folder with a cache, and counts the pairs that are matched.
+fn run_with(
+    photos: &Path,
+    cache: &Path,
+    stop_after: usize,
+) -> (Result<SfmResult, SfmError>, usize) {
+    let request = OpenRequest {
+        sources: vec![photos.to_path_buf().into()],
+        ..OpenRequest::default()
+    };
+    let progress = Progress::default();
+    let frames = open(&request, &progress).unwrap().frames;
+    let cache = FeatureCache::open(cache.to_path_buf(), 1 << 30);
+    let sift = Sift::default();
+    let extractor = CachedExtractor {
+        extractor: &sift,
+        identity: "sift",
+        cache: &cache,
+    };
+    let stopping = StoppingMatcher {
+        matcher: NearestMatcher::for_bytes(),
+        progress: progress.clone(),
+        pairs: AtomicUsize::new(0),
+        stop_after,
+    };
+    let matcher = CachedMatcher {
+        matcher: &stopping,
+        identity: "nearest",
+        cache: &cache,
+    };
+    let mapped: Vec<usize> = (0..frames.len()).collect();
+    let request = SfmRequest {
+        frames: &frames,
+        mapped: &mapped,
+        located: &[],
+        keep_poses: false,
+        allowed: &|_| None,
+        extractor: &extractor,
+        cached: Some(&extractor),
+        matcher: &matcher,
+        pairs: PairOptions::default(),
+        mapper: MapperOptions::default(),
+    };
+    let result = structure_from_motion(&request, &FrameStore::new(16 << 20), &progress);
+    (result, stopping.pairs.load(Ordering::Relaxed))
+}
+
+#[test]
+fn run_stopped_in_the_middle_of_matching_ends_with_the_same_result() {
+    let photos = Photos::new(7);
+    let (images, scratch) = (photos.path("color"), photos.path("caches"));
+    std::fs::create_dir(&scratch).unwrap();
+    let [of_whole, of_stopped] = ["whole", "stopped"].map(|name| Path::new(&scratch).join(name));
+    let run = |cache: &Path, stop_after| run_with(Path::new(&images), cache, stop_after);
+    let (whole, all) = run(&of_whole, 0);
+    let whole = whole.unwrap();
+    assert_eq!(all, 21);
+    let (stopped, before) = run(&of_stopped, 5);
+    assert!(matches!(stopped, Err(SfmError::Stopped(_))), "{stopped:?}");
+    assert!((5..all).contains(&before), "{before} pairs before the stop");
+    let (resumed, rest) = run(&of_stopped, 0);
+    let resumed = resumed.unwrap();
+    assert_eq!(rest, all - before, "only the rest is matched");
+    assert_eq!(resumed.cameras, whole.cameras);
+    assert_eq!(resumed.sparse, whole.sparse);
+    assert_eq!(resumed.outcomes, whole.outcomes);
+    assert_eq!(run(&of_stopped, 0).1, 0, "nothing is matched twice");
+}
+
+#[test]
+fn added_frames_are_matched_and_the_others_are_not_again() {
+    let photos = Photos::new(10);
+    let [first, more] = ["first", "more"].map(|name| photos.path(name));
+    for (folder, numbers) in [(&first, 0..9), (&more, 9..10)] {
+        std::fs::create_dir(folder).unwrap();
+        for k in numbers {
+            let name = format!("{k}.png");
+            let from = photos.path(&format!("color/{name}"));
+            std::fs::copy(from, Path::new(folder).join(name)).unwrap();
+        }
+    }
+    let project = photos.path("project");
+    done(&["new", &project, "--frames", &first]);
+    let sfm = || done_with_both(&["reconstruct", &project, "--method", "sfm"].map(str::to_owned));
+    sfm();
+    done(&["add", &project, "--frames", &more]);
+    let output = sfm();
+    let expected = "features of 9 of 10 images and matches of 36 of 45 pairs were there";
+    assert!(output.contains(expected), "{output}");
+}
+
+#[test]
+fn damaged_cache_is_computed_again_with_a_warning() {
+    let photos = Photos::new(5);
+    let project = photos.project("project", &[]);
+    let sfm = || done_with_both(&["reconstruct", &project, "--method", "sfm"].map(str::to_owned));
+    assert!(!sfm().contains("damaged"));
+    let before: Vec<Vec<u8>> = model(&project)
+        .into_iter()
+        .map(|(_, bytes)| bytes)
+        .collect();
+    for kind in ["features-", "matches-", "verified-"] {
+        let cache = contents(&Path::new(&project).join("cache"));
+        let is_of_kind = |path: &Path| {
+            path.file_name()
+                .unwrap()
+                .to_string_lossy()
+                .starts_with(kind)
+        };
+        let (path, mut bytes) = cache
+            .into_iter()
+            .find(|(path, _)| is_of_kind(path))
+            .unwrap();
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 4;
+        std::fs::write(path, bytes).unwrap();
+        let output = sfm();
+        assert!(
+            output.contains("1 damaged files were not used"),
+            "{kind}: {output}"
+        );
+        let after: Vec<Vec<u8>> = model(&project)
+            .into_iter()
+            .map(|(_, bytes)| bytes)
+            .collect();
+        assert!(after == before, "{kind}");
+        assert!(!sfm().contains("damaged"), "{kind}: once");
+    }
+}
+
+#[test]
+fn cache_is_shown_limited_and_removed() {
+    let photos = Photos::new(4);
+    let project = photos.project("project", &[]);
+    let cache = Path::new(&project).join("cache");
+    let bytes = || {
+        let info: Value = serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();
+        info["cache_bytes"].as_u64().unwrap()
+    };
+    let sfm = |more: &[&str]| {
+        let words = [&["reconstruct", &project, "--method", "sfm"][..], more].concat();
+        done_with_both(&words.into_iter().map(str::to_owned).collect::<Vec<_>>())
+    };
+    sfm(&["--cache-limit", "0"]);
+    assert!(!cache.exists());
+    assert_eq!(bytes(), 0);
+    assert!(!done(&["info", &project]).contains("cache"));
+    sfm(&[]);
+    let on_disk: usize = contents(&cache).iter().map(|(_, bytes)| bytes.len()).sum();
+    assert_eq!(bytes(), on_disk as u64);
+    assert!(done(&["info", &project]).contains("cache of features and matches: "));
+    let cameras = model(&project);
+    assert!(done(&["clean-cache", &project]).contains("removed "));
+    assert!(!cache.exists());
+    assert_eq!(model(&project), cameras, "results stay");
+    assert!(!sfm(&[]).contains("earlier run"));
+}
+
+#[test]
+fn stereo_after_cameras_extracts_and_matches_nothing() {
+    let photos = Photos::new(5);
+    let project = photos.project("project", &[]);
+    // Frames 1 and 3 are placed in the model of the others.
+    for more in [&["sfm", "--every", "2"][..], &["mvs", "--max-side", "96"]] {
+        let command = ["reconstruct", &project, "--device", "cpu", "--method"];
+        done(&[&command[..], more].concat());
+        // What is extracted is kept, so it would be there again.
+        let cache = Path::new(&project).join("cache");
+        assert_eq!(cache.exists(), more[0] == "sfm", "{more:?}");
+        done(&["clean-cache", &project]);
+    }
+    let depths = contents(&Path::new(&project).join("depths"));
+    assert_eq!(depths.len(), 5);
+}
+
 #[test]
 fn stereo_uses_existing_cameras_although_images_are_unregistered() {
     let photos = Photos::new(5);
@@ -124,10 +345,15 @@ fn stereo_uses_existing_cameras_although_images_are_unregistered() {
     let found = reconstruct(&["sfm"]);
     assert!(found.contains("5.png has no camera"), "{found}");
     let cameras = model(&project);
+    done(&["clean-cache", &project]);
     let message = reconstruct(&["mvs", "--max-side", "96"]);
     assert!(
         !message.contains("cameras:") && message.contains("5.png has no depth"),
         "{message}"
     );
     assert_eq!(model(&project), cameras, "the cameras stay as they are");
+    assert!(
+        !Path::new(&project).join("cache").exists(),
+        "nothing was extracted, as it would be kept"
+    );
 }

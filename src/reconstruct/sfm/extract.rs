@@ -1,8 +1,10 @@
 use std::borrow::Cow;
+use std::collections::VecDeque;
 
 use glam::DVec2;
 
 use super::asift::{Tilt, tilted_features};
+use super::cache::{CachedExtractor, ImageKey};
 use super::{Descriptors, FeatureExtractor, Features, SfmError};
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameError, FrameStore, Image};
@@ -33,8 +35,18 @@ pub struct FrameFeatureExtractor<'a> {
     pub store: &'a FrameStore,
     /// Extracts features of an image.
     pub extractor: &'a dyn FeatureExtractor,
+    /// The same with a cache, which keeps the features of image files.
+    pub cached: Option<&'a CachedExtractor<'a>>,
     /// Pixels where features may lie.
     pub allowed: AllowedPixels<'a>,
+}
+
+/// A frame whose features are wanted.
+struct WantedFrame {
+    number: usize,
+    allowed: Option<Vec<bool>>,
+    /// Key of its image in the cache.
+    key: Option<ImageKey>,
 }
 
 impl FrameFeatureExtractor<'_> {
@@ -48,17 +60,39 @@ impl FrameFeatureExtractor<'_> {
         progress: &Progress,
     ) -> Result<Vec<ImageFeatures>, SfmError> {
         let mut all = Vec::with_capacity(chosen.len());
-        for (done, &number) in chosen.iter().enumerate() {
+        let mut coming = VecDeque::new();
+        let mut rest = chosen.iter();
+        for done in 0..chosen.len() {
             progress.step(done, chosen.len())?;
-            let next: Vec<Frame> = chosen[done + 1..]
-                .iter()
-                .take(AHEAD)
-                .map(|&next| self.frames[next].clone())
-                .collect();
+            let missing = (AHEAD + 1).saturating_sub(coming.len());
+            coming.extend(rest.by_ref().take(missing).map(|&next| self.wanted(next)));
+            let Some(wanted) = coming.pop_front() else {
+                break;
+            };
+            let next = coming.iter().filter(|next| !self.is_cached(next));
+            let next: Vec<Frame> = next.map(|next| self.frames[next.number].clone()).collect();
             self.store.prefetch(&next);
-            all.push(self.of_frame(number)?);
+            all.push(self.of_wanted(&wanted)?);
         }
         Ok(all)
+    }
+
+    fn wanted(&self, number: usize) -> WantedFrame {
+        let allowed = (self.allowed)(number);
+        let key = self
+            .cached
+            .and_then(|cached| cached.image_key(&self.frames[number], allowed.as_deref()));
+        WantedFrame {
+            number,
+            allowed,
+            key,
+        }
+    }
+
+    fn is_cached(&self, wanted: &WantedFrame) -> bool {
+        self.cached
+            .zip(wanted.key.as_ref())
+            .is_some_and(|(cached, key)| cached.has_image(key))
     }
 
     /// Extracts features of one frame's image; none if it cannot be read.
@@ -66,18 +100,42 @@ impl FrameFeatureExtractor<'_> {
     /// # Errors
     /// As [`Self::of_frames`].
     pub fn of_frame(&self, number: usize) -> Result<ImageFeatures, SfmError> {
-        let Self {
-            frames,
-            store,
-            extractor,
-            allowed,
-        } = *self;
-        let (frame, allowed) = (&frames[number], allowed(number));
+        self.of_wanted(&self.wanted(number))
+    }
+
+    fn of_wanted(&self, wanted: &WantedFrame) -> Result<ImageFeatures, SfmError> {
+        let frame = &self.frames[wanted.number];
+        let allowed = wanted.allowed.as_deref();
+        let Some((cached, key)) = self.cached.zip(wanted.key.as_ref()) else {
+            return self.decoded(frame, self.extractor, allowed);
+        };
+        if let Some((features, colors)) = cached.image(key, frame) {
+            return Ok(ImageFeatures {
+                features,
+                colors,
+                unreadable: None,
+            });
+        }
+        // Kept once, by the file and not by its pixels.
+        let made = self.decoded(frame, cached.extractor, allowed)?;
+        if made.unreadable.is_none() {
+            cached.keep_image(key, &made.features, &made.colors);
+        }
+        Ok(made)
+    }
+
+    fn decoded(
+        &self,
+        frame: &Frame,
+        extractor: &dyn FeatureExtractor,
+        allowed: Option<&[bool]>,
+    ) -> Result<ImageFeatures, SfmError> {
+        let store = self.store;
         let image = match store.image(frame) {
             Ok(image) => image,
             Err(error) => return Ok(none(frame, error.to_string())),
         };
-        let allowed = match opaque(frame, store, allowed.as_deref()) {
+        let allowed = match opaque(frame, store, allowed) {
             Ok(allowed) => allowed,
             Err(error) => return Ok(none(frame, error.to_string())),
         };
@@ -106,6 +164,7 @@ impl FrameFeatureExtractor<'_> {
             store,
             extractor,
             allowed,
+            ..
         } = *self;
         let (frame, allowed) = (&frames[number], allowed(number));
         let Ok(image) = store.image(frame) else {

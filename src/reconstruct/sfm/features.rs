@@ -147,9 +147,11 @@ pub trait FeatureMatcher: Send + Sync {
     fn matches(&self, first: &Features, second: &Features)
     -> Result<Vec<(u32, u32)>, FeatureError>;
 
-    /// Returns whether matches of two images depend on the other images of their set.
-    fn depends_on_set(&self) -> bool {
-        false
+    /// Returns the images of a set, by index, on which the matches of all its pairs depend.
+    ///
+    /// There are none if the matches of two images depend on these two alone.
+    fn shared_images(&self, _images: &[&Features]) -> Vec<usize> {
+        Vec::new()
     }
 
     /// Prepares matching within a set of images; pairs are then given by index into the set.

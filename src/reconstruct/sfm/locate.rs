@@ -1,4 +1,4 @@
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DVec2, DVec3};
 
@@ -23,12 +23,35 @@ pub(super) struct Locator<'a> {
 pub(super) struct Located {
     pub camera: Option<FrameCamera>,
     pub outcome: RegistrationStatus,
+    /// Observations that fit the pose; each keypoint and each point occurs once.
+    pub seen: Vec<SeenPoint>,
+}
+
+impl Located {
+    fn refused(outcome: RegistrationStatus) -> Self {
+        Self {
+            camera: None,
+            outcome,
+            seen: Vec::new(),
+        }
+    }
+}
+
+/// A keypoint of a frame that sees a point of the model.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SeenPoint {
+    /// Index of the keypoint.
+    keypoint: u32,
+    pub at_px: DVec2,
+    /// Number of the point in the model.
+    pub point: u32,
+    position: DVec3,
 }
 
 /// Model points that the matches of a frame lead to.
 struct Observations {
     /// Pixels of the frame with the points that they see, each pair once.
-    seen: Vec<(DVec2, DVec3)>,
+    seen: Vec<SeenPoint>,
     /// The frame that shares most with it, and their number of matches.
     nearest: Option<(usize, usize)>,
 }
@@ -44,10 +67,7 @@ impl Locator<'_> {
         let frame = &self.request.frames[number];
         let query = self.request.frame_extractor(store).of_frame(number)?;
         if let Some(why) = query.unreadable {
-            return Ok(Located {
-                camera: None,
-                outcome: RegistrationStatus::Unreadable { why },
-            });
+            return Ok(Located::refused(RegistrationStatus::Unreadable { why }));
         }
         let mut outcome = RegistrationStatus::NoPair { nearest: None };
         for reach in REACH {
@@ -58,10 +78,7 @@ impl Locator<'_> {
                 Err(why) => outcome = why,
             }
         }
-        Ok(Located {
-            camera: None,
-            outcome,
-        })
+        Ok(Located::refused(outcome))
     }
 
     /// Returns the nearest placed images in the sequence, up to `reach` on either side.
@@ -105,7 +122,12 @@ impl Locator<'_> {
         }
         let seen = seen
             .into_iter()
-            .map(|((own, _), x)| (query.features.keypoints[own as usize], x))
+            .map(|((own, point), position)| SeenPoint {
+                keypoint: own,
+                at_px: query.features.keypoints[own as usize],
+                point,
+                position,
+            })
             .collect();
         Ok(Observations { seen, nearest })
     }
@@ -126,7 +148,8 @@ impl Locator<'_> {
             });
         }
         let (intrinsics, estimated) = self.intrinsics(frame, near);
-        let (at_px, points): (Vec<DVec2>, Vec<DVec3>) = seen.iter().copied().unzip();
+        let pairs = seen.iter().map(|seen| (seen.at_px, seen.position));
+        let (at_px, points): (Vec<DVec2>, Vec<DVec3>) = pairs.unzip();
         let options = AbsolutePoseOptions {
             max_error_px: self.request.mapper.pose_error_px,
             seed: self.request.mapper.seed,
@@ -140,7 +163,10 @@ impl Locator<'_> {
                 agreeing,
             });
         };
-        let (pose, mut errors) = refined(&intrinsics, found.camera_from_world, &at_px, &points);
+        let (pose, errors) = refined(&intrinsics, found.camera_from_world, &at_px, &points);
+        let fitting = fitting(seen, &errors);
+        let mut errors = errors;
+        errors.retain(|&error| error <= FINE_ERROR_PX);
         let error_px = upper_median(&mut errors).unwrap_or(0.0);
         let camera = FrameCamera {
             intrinsics,
@@ -153,6 +179,7 @@ impl Locator<'_> {
                 points: errors.len(),
                 error_px,
             },
+            seen: fitting,
         })
     }
 
@@ -179,7 +206,24 @@ impl Locator<'_> {
     }
 }
 
-/// Refines the pose over the observations that fit it well; also returns their errors in pixels, ascending.
+/// Returns the observations that fit the pose, in their order; the best ones where a keypoint or a
+/// point occurs more than once.
+fn fitting(seen: &[SeenPoint], errors_px: &[f64]) -> Vec<SeenPoint> {
+    let mut ranked: Vec<usize> = (0..seen.len()).collect();
+    ranked.retain(|&at| errors_px[at] <= FINE_ERROR_PX);
+    ranked.sort_by(|&a, &b| errors_px[a].total_cmp(&errors_px[b]).then(a.cmp(&b)));
+    let (mut keypoints, mut points) = (BTreeSet::new(), BTreeSet::new());
+    ranked.retain(|&at| {
+        let SeenPoint {
+            keypoint, point, ..
+        } = seen[at];
+        !keypoints.contains(&keypoint) && points.insert(point) && keypoints.insert(keypoint)
+    });
+    ranked.sort_unstable();
+    ranked.into_iter().map(|at| seen[at]).collect()
+}
+
+/// Refines the pose over the observations that fit it well; also returns the error of each in pixels.
 fn refined(camera: &Camera, start: Pose, at_px: &[DVec2], points: &[DVec3]) -> (Pose, Vec<f64>) {
     let error = |pose: &Pose, (at_px, point): (&DVec2, &DVec3)| {
         camera
@@ -196,11 +240,6 @@ fn refined(camera: &Camera, start: Pose, at_px: &[DVec2], points: &[DVec3]) -> (
     } else {
         refine_absolute_pose(camera, &start, &fine_px, &fine_points)
     };
-    let mut errors: Vec<f64> = at_px
-        .iter()
-        .zip(points)
-        .map(|seen| error(&pose, seen))
-        .collect();
-    errors.retain(|&error| error <= FINE_ERROR_PX);
-    (pose, errors)
+    let errors = at_px.iter().zip(points).map(|seen| error(&pose, seen));
+    (pose, errors.collect())
 }

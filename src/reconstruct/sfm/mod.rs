@@ -12,6 +12,7 @@ mod groups;
 mod locate;
 mod mapper;
 pub mod matching;
+mod nearby_pairs;
 pub mod onnx;
 mod pairs;
 mod pipeline;
@@ -24,14 +25,17 @@ mod scale;
 pub mod sift;
 mod undistort;
 
-pub use cache::{CachedExtractor, CachedMatcher, FeatureCache};
+pub use cache::{
+    CachedExtractor, CachedMatcher, FeatureCache, ImageKey, VerifiedMatches, feature_cache_bytes,
+    remove_feature_cache,
+};
 pub use error::SfmError;
 pub use extract::{AllowedPixels, ImageFeatures};
 pub use features::{
     Descriptors, FeatureError, FeatureExtractor, FeatureMatcher, Features, PairMatches,
 };
 pub use groups::CameraGroups;
-pub use mapper::{FirstPairRequirement, Mapped, MapperOptions, ModelStart, Refusal, map};
+pub use mapper::{FirstPairRequirement, Mapped, MapperOptions, ModelStart, Refusal, extend, map};
 pub use pairs::{MatchedImages, PairOptions, TriedPair, choose_pairs, match_pairs};
 pub use pipeline::{planned_stages, structure_from_motion};
 pub use problem::{

@@ -6,10 +6,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use glam::DVec2;
 use rayon::prelude::*;
 
+use super::cache::verified_matches;
 use super::retrieval::{Vocabulary, most_alike};
-use super::{FeatureMatcher, Features, IntrinsicsPrior, MapCamera, SfmError, VerifiedPair};
+use super::{
+    FeatureCache, FeatureMatcher, Features, IntrinsicsPrior, MapCamera, SfmError, VerifiedPair,
+};
 use ostra_core::job::Progress;
-use ostra_geometry::{TwoViewOptions, estimate_two_view};
+use ostra_geometry::TwoViewOptions;
 
 /// Options of pair selection.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -120,6 +123,8 @@ pub struct MatchedImages<'a> {
     pub features: &'a [&'a Features],
     /// Camera of each image.
     pub cameras: &'a [MapCamera],
+    /// Keeps verified pairs.
+    pub cache: Option<&'a FeatureCache>,
 }
 
 impl<'a> MatchedImages<'a> {
@@ -128,6 +133,7 @@ impl<'a> MatchedImages<'a> {
             image,
             features: self.features[image],
             camera: self.cameras[image],
+            cache: self.cache,
         }
     }
 }
@@ -141,6 +147,8 @@ pub(super) struct MatchedImage<'a> {
     pub features: &'a Features,
     /// Its camera.
     pub camera: MapCamera,
+    /// Keeps verified pairs.
+    pub cache: Option<&'a FeatureCache>,
 }
 
 /// Matches pairs of images and keeps the matches that agree with a two-view geometry.
@@ -203,7 +211,8 @@ fn agreeing(
     let calibrated = both
         .iter()
         .all(|matched| matched.camera.source == IntrinsicsPrior::Given);
-    let found = estimate_two_view(
+    let found = verified_matches(
+        a.cache,
         [&a.camera.intrinsics, &b.camera.intrinsics],
         calibrated,
         &at_px,

@@ -1,7 +1,7 @@
 use std::collections::BTreeMap;
 
 use super::extract::ImageFeatures;
-use super::locate::{Located, Locator};
+use super::locate::{Located, Locator, SeenPoint};
 use super::registration_report::{RegistrationReport, RegistrationStatus, why_no_start};
 use super::request::{SfmRequest, error_px, frame_cameras, sparse_points};
 use super::retry_unregistered::{Attempt, retry_unregistered};
@@ -11,6 +11,7 @@ use super::{
 };
 use ostra_core::job::{PlannedStage, Progress};
 use ostra_core::statistics::upper_median;
+use ostra_frames::cameras::SparseKeypoint;
 use ostra_frames::{Frame, FrameStore, ImageSource};
 
 /// Returns the stages of [`structure_from_motion`] for so many images in the model and between.
@@ -159,6 +160,7 @@ fn problem(
     let matched = MatchedImages {
         features: &features,
         cameras: &cameras,
+        cache: request.cache(),
     };
     let tried = match_pairs(
         matched,
@@ -271,6 +273,9 @@ fn locate_rest(
         return Ok(());
     }
     progress.stage("place the frames between")?;
+    // Numbers in the result by numbers in the model, where points have been removed.
+    let points = locator.model.points().map(|(point, _)| point);
+    let numbers: BTreeMap<u32, u32> = points.zip(0..).collect();
     for (done, &number) in located.iter().enumerate() {
         progress.step(done, located.len())?;
         let ahead: Vec<Frame> = located[done + 1..]
@@ -279,9 +284,21 @@ fn locate_rest(
             .map(|&next| frames[next].clone())
             .collect();
         store.prefetch(&ahead);
-        let Located { camera, outcome } = locator.locate(number, store)?;
+        let Located {
+            camera,
+            outcome,
+            seen,
+        } = locator.locate(number, store)?;
         result.cameras.extend(camera.map(|camera| (number, camera)));
         result.outcomes.insert(number, outcome);
+        if !seen.is_empty() {
+            let keypoint = |seen: SeenPoint| SparseKeypoint {
+                at_px: seen.at_px,
+                point: numbers.get(&seen.point).copied(),
+            };
+            let keypoints = seen.into_iter().map(keypoint).collect();
+            result.sparse.keypoints.insert(number, keypoints);
+        }
     }
     Ok(())
 }

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 
 use super::extract::{AllowedPixels, FrameFeatureExtractor};
 use super::{
-    FeatureExtractor, FeatureMatcher, ImageFeatures, KeypointId, MapProblem, MapperOptions,
-    MetricScale, ModelStart, PairOptions, RegistrationStatus, SparseModel,
+    CachedExtractor, FeatureCache, FeatureExtractor, FeatureMatcher, ImageFeatures, KeypointId,
+    MapProblem, MapperOptions, MetricScale, ModelStart, PairOptions, RegistrationStatus,
+    SparseModel,
 };
 use ostra_frames::cameras::{SparseKeypoint, SparsePoint, SparsePoints};
 use ostra_frames::{Frame, FrameCamera, FrameStore};
@@ -25,6 +26,8 @@ pub struct SfmRequest<'a> {
     pub allowed: AllowedPixels<'a>,
     /// Extracts features.
     pub extractor: &'a dyn FeatureExtractor,
+    /// The extractor with its cache, if there is one; verified pairs are kept in it too.
+    pub cached: Option<&'a CachedExtractor<'a>>,
     /// Matches features.
     pub matcher: &'a dyn FeatureMatcher,
     /// Selection of the pairs to match, by position among the mapped frames.
@@ -40,8 +43,14 @@ impl<'a> SfmRequest<'a> {
             frames: self.frames,
             store,
             extractor: self.extractor,
+            cached: self.cached,
             allowed: self.allowed,
         }
+    }
+
+    /// Returns the cache of verified pairs.
+    pub(super) fn cache(&self) -> Option<&'a FeatureCache> {
+        self.cached.map(|cached| cached.cache)
     }
 }
 

@@ -154,16 +154,12 @@ pub fn most_alike(
     known: &BTreeSet<(usize, usize)>,
 ) -> Vec<(usize, usize)> {
     let of_one = |one: usize| {
-        let mut others: Vec<(f32, usize)> = (0..pooled.len())
+        let others: Vec<usize> = (0..pooled.len())
             .filter(|&other| other != one && !known.contains(&(one.min(other), one.max(other))))
-            .map(|other| (cosine(&pooled[one], &pooled[other]), other))
-            .filter(|&(cosine, _)| cosine != 0.0)
             .collect();
-        others.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        others
+        most_alike_of(pooled, one, &others, k)
             .into_iter()
-            .take(k)
-            .map(|(_, other)| (one.min(other), one.max(other)))
+            .map(|other| (one.min(other), one.max(other)))
             .collect::<Vec<_>>()
     };
     let pairs: BTreeSet<(usize, usize)> = (0..pooled.len())
@@ -171,6 +167,18 @@ pub fn most_alike(
         .flat_map_iter(of_one)
         .collect();
     pairs.into_iter().collect()
+}
+
+/// Returns the `k` of some other images with the largest cosine, the largest first, as [`most_alike`].
+#[must_use]
+pub fn most_alike_of(pooled: &[Vec<f32>], one: usize, others: &[usize], k: usize) -> Vec<usize> {
+    let mut ranked: Vec<(f32, usize)> = others
+        .iter()
+        .map(|&other| (cosine(&pooled[one], &pooled[other]), other))
+        .filter(|&(cosine, _)| cosine != 0.0)
+        .collect();
+    ranked.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    ranked.into_iter().take(k).map(|(_, other)| other).collect()
 }
 
 fn cosine(a: &[f32], b: &[f32]) -> f32 {

@@ -1,5 +1,5 @@
-//! Second attempt at images that no model contains: simulated tilts of them are matched, and all is
-//! mapped again.
+//! Second attempt at images that no model contains: they are matched with the images that see the
+//! same place, then under simulated tilts, and placed in the standing model.
 
 use std::collections::BTreeMap;
 
@@ -7,17 +7,18 @@ use rayon::prelude::*;
 
 use super::asift::{Merged, one_to_one};
 use super::matching::NearestMatcher;
-use super::pairs::{MatchedImage, verify};
+use super::nearby_pairs::nearby_pairs;
+use super::pairs::{MatchedImage, match_pairs, verify};
 use super::registration_report::FEW_FEATURES;
 use super::request::SfmRequest;
 use super::{
-    FeatureMatcher, Features, ImageFeatures, MapProblem, Mapped, SfmError, SparseModel, TriedPair,
-    map,
+    CachedExtractor, CachedMatcher, FeatureMatcher, Features, ImageFeatures, MapCamera, MapProblem,
+    Mapped, MatchedImages, SfmError, SparseModel, TriedPair, extend,
 };
 use ostra_core::job::{PlannedStage, Progress};
 use ostra_frames::FrameStore;
 
-/// Maximum number of images in the second attempt; those with most matches with one other come first.
+/// Maximum number of images matched under tilts; those with most matches with one other come first.
 const MOST: usize = 8;
 
 /// Input of the mapper, and its result.
@@ -32,87 +33,204 @@ pub(super) struct Attempt {
     pub models: Vec<Mapped>,
 }
 
-/// Searches for more matches of images that no model contains, and maps again if there are any.
+/// Searches for more matches of images that no model contains, and places these images in the
+/// standing model.
 ///
-/// An image taken at a grazing angle shows its content so foreshortened that its features are not
+/// First come matches with images that see the same place, then those under simulated tilts: an
+/// image taken at a grazing angle shows its content so foreshortened that its features are not
 /// recognised until the tilt is simulated away. If every image was placed, nothing of this runs.
 ///
-/// Returns the first attempt if the second places no more images, or when stopped.
+/// When stopped, returns what was reached before.
 ///
 /// # Errors
 /// [`SfmError`] if the extractor or the matcher fails.
 pub(super) fn retry_unregistered(
-    mut first: Attempt,
+    mut attempt: Attempt,
     request: &SfmRequest<'_>,
     store: &FrameStore,
     progress: &Progress,
 ) -> Result<Attempt, SfmError> {
-    let gained = match retry(&first, request, store, progress) {
-        Ok(gained) if gained.is_empty() => return Ok(first),
-        Err(SfmError::Stopped(_)) => return Ok(first),
-        gained => gained?,
+    for search in [nearby, under_tilts] {
+        let found = search(&attempt, request, store, progress).and_then(|gains| {
+            let problem = attempt.problem_with(&gains);
+            Ok((
+                extended(&attempt, &problem, &gains, request, progress)?,
+                problem,
+                gains,
+            ))
+        });
+        match found {
+            Ok((Some(model), problem, gains)) => attempt.take(model, problem, gains),
+            Ok((None, ..)) => {}
+            Err(SfmError::Stopped(_)) => break,
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(attempt)
+}
+
+/// Additional matches of images that were left out.
+#[derive(Default)]
+struct Gains {
+    /// Features of images that have more of them now, the known ones first.
+    images: BTreeMap<usize, ImageFeatures>,
+    /// Pairs that are new, or for which more matches agree than before.
+    pairs: Vec<TriedPair>,
+}
+
+impl Attempt {
+    /// Returns all matched pairs, with the additional ones.
+    fn tried_with(&self, gains: &Gains) -> Vec<TriedPair> {
+        let mut tried = self.tried.clone();
+        for pair in &gains.pairs {
+            match tried.iter_mut().find(|known| known.images == pair.images) {
+                Some(known) => known.clone_from(pair),
+                None => tried.push(pair.clone()),
+            }
+        }
+        tried
+    }
+
+    /// Returns the problem, extended by the additional matches.
+    fn problem_with(&self, gains: &Gains) -> MapProblem {
+        let mut problem = self.problem.clone();
+        for (&image, found) in &gains.images {
+            problem.images[image]
+                .keypoints
+                .clone_from(&found.features.keypoints);
+        }
+        let tried = self.tried_with(gains);
+        problem.pairs = tried.into_iter().filter_map(|pair| pair.verified).collect();
+        problem
+    }
+
+    /// Takes over a model with more images.
+    fn take(&mut self, model: Mapped, problem: MapProblem, gains: Gains) {
+        self.tried = self.tried_with(&gains);
+        self.problem = problem;
+        self.images_take(gains.images);
+        self.models[0] = model;
+    }
+
+    fn images_take(&mut self, images: BTreeMap<usize, ImageFeatures>) {
+        for (image, found) in images {
+            self.images[image] = found;
+        }
+    }
+}
+
+/// Returns the first model with more images, if the additional matches lead to any.
+fn extended(
+    attempt: &Attempt,
+    problem: &MapProblem,
+    gains: &Gains,
+    request: &SfmRequest<'_>,
+    progress: &Progress,
+) -> Result<Option<Mapped>, SfmError> {
+    if gains.pairs.iter().all(|pair| pair.verified.is_none()) {
+        return Ok(None);
+    }
+    progress.stage("place unregistered images")?;
+    let before = placed(&attempt.models);
+    let extended = extend(problem, &attempt.models, &request.mapper, progress)?;
+    Ok(extended.filter(|mapped| mapped.model.placed().count() > before))
+}
+
+/// Announces the stages of one search.
+fn announce(progress: &Progress, name: &'static str, step: &'static str, seconds: f64) {
+    progress.plan_next(&[
+        PlannedStage::new(name, step, seconds),
+        PlannedStage::new(
+            "place unregistered images",
+            "Place left-over images",
+            0.2 * seconds,
+        ),
+    ]);
+}
+
+/// Matches images that were left out with those that see the same place, and were not matched yet.
+fn nearby(
+    attempt: &Attempt,
+    request: &SfmRequest<'_>,
+    _: &FrameStore,
+    progress: &Progress,
+) -> Result<Gains, SfmError> {
+    let (Some(kept), images) = (attempt.models.first(), left_out(attempt)) else {
+        return Ok(Gains::default());
     };
-    let (problem, tried) = with_gains(&first, &gained);
-    let again = progress
-        .stage("map")
-        .and_then(|()| map(&problem, &request.mapper, progress));
-    let Ok(models) = again else { return Ok(first) };
-    if placed(&models) <= placed(&first.models) {
-        return Ok(first);
+    let features: Vec<&Features> = attempt.images.iter().map(|image| &image.features).collect();
+    let seed = request.pairs.seed;
+    let pairs = nearby_pairs(&images, &features, &kept.model, &attempt.tried, seed);
+    if pairs.is_empty() {
+        return Ok(Gains::default());
     }
-    for (image, found) in gained {
-        first.images[image] = found.image;
-    }
-    Ok(Attempt {
-        problem,
-        tried,
-        models,
-        ..first
+    let name = "match unregistered images";
+    announce(
+        progress,
+        name,
+        "Match left-over images",
+        0.06 * pairs.len() as f64,
+    );
+    progress.stage(name)?;
+    let cameras: Vec<MapCamera> = attempt
+        .problem
+        .images
+        .iter()
+        .map(|image| attempt.problem.cameras[image.camera])
+        .collect();
+    let matched = MatchedImages {
+        features: &features,
+        cameras: &cameras,
+        cache: request.cache(),
+    };
+    let seed = request.mapper.seed;
+    Ok(Gains {
+        images: BTreeMap::new(),
+        pairs: match_pairs(matched, &pairs, request.matcher, seed, progress)?,
     })
 }
 
-/// Returns additional matches by image that was left out, where any were found.
-fn retry(
-    first: &Attempt,
+/// Matches images that were left out under simulated tilts.
+fn under_tilts(
+    attempt: &Attempt,
     request: &SfmRequest<'_>,
     store: &FrameStore,
     progress: &Progress,
-) -> Result<BTreeMap<usize, Gained>, SfmError> {
-    let mut gained = BTreeMap::new();
-    let (Some(kept), images) = (first.models.first(), left_out(first)) else {
-        return Ok(gained);
+) -> Result<Gains, SfmError> {
+    let mut gains = Gains::default();
+    let Some(kept) = attempt.models.first() else {
+        return Ok(gains);
     };
+    let mut images = left_out(attempt);
+    images.truncate(MOST);
     if images.is_empty() {
-        return Ok(gained);
+        return Ok(gains);
     }
-    progress.plan_next(&[
-        PlannedStage::new(
-            "match unregistered images again",
-            "Match left-over images again",
-            2.0 * images.len() as f64,
-        ),
-        PlannedStage::new(
-            "map",
-            "Compute cameras again",
-            0.4 * first.images.len() as f64,
-        ),
-    ]);
-    progress.stage("match unregistered images again")?;
+    let (name, count) = ("match unregistered images again", images.len());
+    announce(
+        progress,
+        name,
+        "Match left-over images again",
+        2.0 * count as f64,
+    );
+    progress.stage(name)?;
     for (done, &image) in images.iter().enumerate() {
-        progress.step(done, images.len())?;
+        progress.step(done, count)?;
         let frame = request.mapped[image];
         let views = request.frame_extractor(store).tilted(frame, progress)?;
         let look = Retry {
-            attempt: first,
+            attempt,
             model: &kept.model,
             image,
             seed: request.mapper.seed,
+            cached: request.cached,
         };
         if let Some(found) = look.gains(&views, request.mapper.pose_inliers, progress)? {
-            gained.insert(image, found);
+            gains.images.insert(image, found.image);
+            gains.pairs.extend(found.pairs);
         }
     }
-    Ok(gained)
+    Ok(gains)
 }
 
 /// Returns the images that no model contains although they have enough features.
@@ -135,29 +253,7 @@ fn left_out(attempt: &Attempt) -> Vec<usize> {
         own.map(|pair| pair.matches).max()
     };
     images.sort_by_cached_key(|&image| (std::cmp::Reverse(most_matches(image)), image));
-    images.truncate(MOST);
     images
-}
-
-/// Returns the problem and its pairs, extended by the additional matches.
-fn with_gains(first: &Attempt, gained: &BTreeMap<usize, Gained>) -> (MapProblem, Vec<TriedPair>) {
-    let (mut problem, mut tried) = (first.problem.clone(), first.tried.clone());
-    for (&image, found) in gained {
-        problem.images[image]
-            .keypoints
-            .clone_from(&found.image.features.keypoints);
-        for pair in &found.pairs {
-            match tried.iter_mut().find(|known| known.images == pair.images) {
-                Some(known) => known.clone_from(pair),
-                None => tried.push(pair.clone()),
-            }
-        }
-    }
-    problem.pairs = tried
-        .iter()
-        .filter_map(|pair| pair.verified.clone())
-        .collect();
-    (problem, tried)
 }
 
 /// Returns how many images the kept model contains.
@@ -167,6 +263,10 @@ fn placed(models: &[Mapped]) -> usize {
 
 /// Number of model images that an image is compared with; those with most matches come first.
 const NEIGHBOURS: usize = 24;
+/// Number of these that are compared before it is checked whether more are needed.
+const TOGETHER: usize = 8;
+/// Number of images that agree with enough matches each, with which no more are needed.
+const SUFFICIENT: usize = 4;
 
 /// Additional matches of one image.
 struct Gained {
@@ -182,6 +282,7 @@ struct Retry<'a> {
     pub model: &'a SparseModel,
     pub image: usize,
     pub seed: u64,
+    pub cached: Option<&'a CachedExtractor<'a>>,
 }
 
 /// Matches of one view: number of the view, keypoints of view and neighbour.
@@ -200,34 +301,40 @@ impl Retry<'_> {
     ) -> Result<Option<Gained>, SfmError> {
         let own = &self.attempt.images[self.image];
         let all: Vec<&ImageFeatures> = std::iter::once(own).chain(views).collect();
-        let neighbours = self.neighbours();
         let mut merged = Merged::new(own);
-        let mut found = Vec::with_capacity(neighbours.len());
-        for by_view in self.matches(&all, &neighbours, progress)? {
-            let numbered = by_view.into_iter().flat_map(|(view, matches)| {
-                let numbers: Vec<_> = matches
-                    .into_iter()
-                    .map(|(index, other)| (merged.number(all[view], index), other))
-                    .collect();
-                numbers
-            });
-            found.push(one_to_one(numbered));
+        let mut pairs: Vec<TriedPair> = Vec::new();
+        for neighbours in self.neighbours().chunks(TOGETHER) {
+            let mut found = Vec::with_capacity(neighbours.len());
+            for by_view in self.matches(&all, neighbours, progress)? {
+                let numbered = by_view.into_iter().flat_map(|(view, matches)| {
+                    let numbers: Vec<_> = matches
+                        .into_iter()
+                        .map(|(index, other)| (merged.number(all[view], index), other))
+                        .collect();
+                    numbers
+                });
+                found.push(one_to_one(numbered));
+            }
+            let tried = neighbours
+                .par_iter()
+                .zip(&found)
+                .map(|(&other, found)| self.verified(merged.image(), other, found));
+            let tried: Vec<TriedPair> = tried.collect();
+            let gained = |pair: &TriedPair| agreeing(pair) > self.agreed(pair.images);
+            pairs.extend(tried.into_iter().filter(gained));
+            let good = pairs.iter().filter(|pair| agreeing(pair) >= enough);
+            if good.count() >= SUFFICIENT {
+                break;
+            }
         }
         let image = merged.into_image();
-        let tried = neighbours
-            .par_iter()
-            .zip(&found)
-            .map(|(&other, found)| self.verified(&image, other, found));
-        let pairs: Vec<TriedPair> = tried
-            .filter(|pair| agreeing(pair) > self.agreed(pair.images))
-            .collect();
         Ok(pairs
             .iter()
             .any(|pair| agreeing(pair) >= enough)
             .then_some(Gained { image, pairs }))
     }
 
-    /// Returns images of the model, ascending.
+    /// Returns images of the model, those with most matches first.
     fn neighbours(&self) -> Vec<usize> {
         let matches = |other: u32| {
             let pair = ordered(self.image as u32, other);
@@ -244,12 +351,8 @@ impl Retry<'_> {
             .collect();
         ranked.sort_unstable_by_key(|&(matches, other)| (std::cmp::Reverse(matches), other));
         ranked.truncate(NEIGHBOURS);
-        let mut neighbours: Vec<usize> = ranked
-            .into_iter()
-            .map(|(_, other)| other as usize)
-            .collect();
-        neighbours.sort_unstable();
-        neighbours
+        let others = ranked.into_iter().map(|(_, other)| other as usize);
+        others.collect()
     }
 
     /// Returns the matches of each view by neighbour.
@@ -268,11 +371,23 @@ impl Retry<'_> {
             .chain(others)
             .map(|image| &image.features)
             .collect();
-        let matcher = match set[0].descriptors.as_bytes() {
+        let nearest = match set[0].descriptors.as_bytes() {
             Some(_) => NearestMatcher::for_bytes(),
             None => NearestMatcher::for_floats(),
         };
-        let matcher = matcher.of_set(&set)?;
+        let cached = self.cached.map(|cached| CachedMatcher {
+            matcher: &nearest,
+            identity: cached.identity,
+            cache: cached.cache,
+        });
+        let matcher: &dyn FeatureMatcher = match &cached {
+            Some(cached) => cached,
+            None => &nearest,
+        };
+        let pairs: Vec<(usize, usize)> = (0..neighbours.len())
+            .flat_map(|other| (0..views.len()).map(move |view| (view, views.len() + other)))
+            .collect();
+        let matcher = matcher.of_pairs(&set, &pairs)?;
         let of_neighbour = |other: usize| {
             let of_view = |view: usize| {
                 progress.check()?;
@@ -295,6 +410,7 @@ impl Retry<'_> {
             image,
             features,
             camera: problem.cameras[problem.images[image].camera],
+            cache: self.cached.map(|cached| cached.cache),
         };
         let own = numbered(self.image, &image.features);
         let other = numbered(other, &images[other].features);

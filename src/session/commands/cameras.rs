@@ -108,12 +108,13 @@ impl CameraWork {
     pub fn find(self, context: &JobContext<Session>) -> Result<ComputedCameras> {
         let begun = Instant::now();
         let poses = self.poses();
-        let cache = FeatureCache::open(feature_cache_path(&self.root));
+        let limit_bytes = self.request.cache_limit_bytes();
+        let cache = FeatureCache::open(feature_cache_path(&self.root), limit_bytes);
         let result: Cameras = match self.finder {
             Finder::Sfm(_) => self.by_motion(poses, &cache, &context.progress)?.into(),
             Finder::Rgbd => self.by_depth(context)?,
         };
-        let not_kept = cache.save();
+        let of_cache = cache.save();
         let frames = &self.project.frames;
         if result.stopped
             && result.cameras.len() <= frames.iter().filter(|frame| is_posed(frame)).count()
@@ -140,7 +141,7 @@ impl CameraWork {
             warnings: unplaced(frames, &result)
                 .into_iter()
                 .chain(result.warnings.clone())
-                .chain(not_kept)
+                .chain(of_cache)
                 .collect(),
             edits: edits(&self.project, &result, poses, record),
             stopped: result.stopped,
@@ -228,6 +229,7 @@ impl CameraWork {
             keep_poses: poses == Poses::Kept,
             allowed: &allowed,
             extractor: &extractor,
+            cached: Some(&extractor),
             matcher: &matcher,
             pairs: PairOptions {
                 given: pairs,

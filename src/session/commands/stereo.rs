@@ -1,7 +1,7 @@
 use ostra_project::{DeviceId, FeatureId, MatcherId, ResultEngine};
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use anyhow::{Result, ensure};
@@ -76,6 +76,7 @@ pub(super) fn make_depths(work: StereoWork, context: &JobContext<Session>) -> Re
         options: &options,
         views: &views,
         folder: &folder,
+        warnings: Mutex::default(),
     };
     let frames = &project.frames;
     let shown = WatchedDepths {
@@ -90,6 +91,7 @@ pub(super) fn make_depths(work: StereoWork, context: &JobContext<Session>) -> Re
     let (engine, outcomes) = on_device(request.device, &mut of_device, estimate)?;
     let mut warnings = views_without_depth(&project.frames, &outcomes);
     warnings.extend(of_device);
+    warnings.append(&mut lock(&run.warnings));
     account.outcomes = Some(outcomes);
     folder.save_account(&account)?;
     folder.finish();
@@ -278,6 +280,12 @@ struct StereoRun<'a> {
     /// Frames that get depth.
     views: &'a [usize],
     folder: &'a DepthFolder,
+    /// Warnings about the cache of features.
+    warnings: Mutex<Vec<String>>,
+}
+
+fn lock(warnings: &Mutex<Vec<String>>) -> MutexGuard<'_, Vec<String>> {
+    warnings.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Computes the depth maps of the views that `depths` does not hold yet.
@@ -348,7 +356,8 @@ fn sparse_points(run: &StereoRun<'_>, progress: &Progress) -> Result<SparsePoint
     if let Ok(sparse) = read_sparse_model(&folder.sparse(), &project.frames) {
         return Ok(sparse);
     }
-    let cache = FeatureCache::open(feature_cache_path(root));
+    let limit_bytes = run.request.cache_limit_bytes();
+    let cache = FeatureCache::open(feature_cache_path(root), limit_bytes);
     let (sift, nearest) = (Sift::default(), matcher(MatcherId::Auto, FeatureId::Sift)?);
     let [of_sift, of_nearest] = [identity(sift.name(), ""), identity(nearest.name(), "")];
     let extractor = CachedExtractor {
@@ -368,7 +377,7 @@ fn sparse_points(run: &StereoRun<'_>, progress: &Progress) -> Result<SparsePoint
         matcher: &matcher,
     };
     let sparse = sparse_from_cameras(&request, store, &SparseOptions::default(), progress)?;
-    cache.save();
+    lock(&run.warnings).extend(cache.save());
     write_colmap_model(
         &folder.sparse(),
         &project.frames,

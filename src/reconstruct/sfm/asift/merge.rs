@@ -47,6 +47,11 @@ impl Merged {
         number
     }
 
+    /// Returns the features so far.
+    pub fn image(&self) -> &ImageFeatures {
+        &self.image
+    }
+
     /// Returns all features.
     pub fn into_image(self) -> ImageFeatures {
         self.image

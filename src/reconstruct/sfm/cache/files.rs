@@ -1,50 +1,42 @@
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
 
-use rustc_hash::FxHashMap;
+use sha2::{Digest, Sha256};
 
-use super::format::{
-    Key, Matches, decode_features, decode_pairs, encode_features, encode_pairs, hex,
-};
-use crate::sfm::Features;
+use super::entries::{Entries, Entry, Matches, VerifiedMatches};
+use super::format::{KeptFeatures, Key, Unusable, decode_features, encode_features, hex};
 use ostra_core::disk;
 
-/// Size limit of the folder: features of about 1,500 images with 8,192 each, with their matches.
-const BUDGET_BYTES: u64 = 2 << 30;
 /// Larger files cannot have been written by this program.
 const LARGEST_FILE: u64 = 256 << 20;
-/// Limit for the matches that are read, most recently used first, because they stay in memory.
+/// Limit for the entries of a kind that are read, most recently used first, because they stay in memory.
 const LOADED_BYTES: u64 = 256 << 20;
-/// Matches are written at least this often, so that a killed run loses little.
-const SAVE_EVERY: Duration = Duration::from_secs(2);
+/// Share of the limit after whose growth the size is checked again.
+const CHECKED_SHARE: u64 = 16;
 
-/// Features and matches cached in a folder.
+/// Features, matches and verified pairs in a folder.
 ///
-/// Each image has a file `features-KEY.bin`; the matches of several pairs share a file
-/// `matches-KEY.bin`. A file that is missing, damaged or cannot be written only means that the work
-/// is done again. When the folder exceeds its limit, the least recently used files are removed
-/// first.
+/// The features of an image are in a file `features-KEY.bin`. Matches and verified pairs are in files
+/// of many entries each. A file that is missing, damaged or cannot be
+/// written only means that the work is done again. When the folder exceeds its limit, the least
+/// recently used files are removed first.
 #[derive(Debug)]
 pub struct FeatureCache {
     folder: PathBuf,
-    budget_bytes: u64,
-    pairs: Mutex<PairCache>,
+    limit_bytes: u64,
+    matches: Mutex<Entries<Matches>>,
+    verified: Mutex<Entries<Option<VerifiedMatches>>>,
     /// Why nothing more is written.
     failure: Mutex<Option<String>>,
+    /// Number of files that were damaged.
+    damaged: AtomicUsize,
+    /// Bytes written since the size was checked.
+    unchecked_bytes: AtomicU64,
     found: Counts,
     made: Counts,
-}
-
-#[derive(Debug, Default)]
-struct PairCache {
-    known: FxHashMap<Key, Matches>,
-    /// Keys of the entries that are not on the disk yet.
-    unsaved: Vec<Key>,
-    saved: Option<Instant>,
 }
 
 #[derive(Debug, Default)]
@@ -54,29 +46,27 @@ struct Counts {
 }
 
 impl FeatureCache {
-    /// Opens the cache of a folder, which need not exist yet.
+    /// Opens the cache of a folder, which need not exist yet, with its limit in bytes.
+    ///
+    /// With a limit of 0, nothing is read or kept.
     #[must_use]
-    pub fn open(folder: PathBuf) -> Self {
-        Self::bounded(folder, BUDGET_BYTES)
-    }
-
-    pub(super) fn bounded(folder: PathBuf, budget_bytes: u64) -> Self {
-        let known = if is_own_folder(&folder) {
-            read_pairs(&folder)
-        } else {
-            FxHashMap::default()
-        };
-        Self {
+    pub fn open(folder: PathBuf, limit_bytes: u64) -> Self {
+        let cache = Self {
             folder,
-            budget_bytes,
-            pairs: Mutex::new(PairCache {
-                known,
-                ..PairCache::default()
-            }),
+            limit_bytes,
+            matches: Mutex::default(),
+            verified: Mutex::default(),
             failure: Mutex::default(),
+            damaged: AtomicUsize::new(0),
+            unchecked_bytes: AtomicU64::new(0),
             found: Counts::default(),
             made: Counts::default(),
+        };
+        if cache.is_readable() {
+            cache.load(&cache.matches);
+            cache.load(&cache.verified);
         }
+        cache
     }
 
     /// Reports for people what was reused and what was computed; `None` if nothing was reused.
@@ -94,43 +84,76 @@ impl FeatureCache {
         })
     }
 
-    /// Writes unsaved entries and removes what exceeds the limit; returns why not everything could be kept.
-    pub fn save(&self) -> Option<String> {
-        self.save_pairs(&mut lock(&self.pairs));
-        self.make_room();
+    /// Writes unsaved entries and removes what exceeds the limit.
+    ///
+    /// Returns warnings for people: files that were damaged, and why not everything could be kept.
+    #[must_use]
+    pub fn save(&self) -> Vec<String> {
+        self.save_entries();
+        if is_own_folder(&self.folder) {
+            disk::remove_leftovers(&self.folder, false);
+            self.make_room();
+        }
+        let damaged = self.damaged.swap(0, Ordering::Relaxed);
+        let damage = (damaged > 0).then(|| {
+            format!(
+                "{}: {damaged} damaged files were not used; their features and matches were computed again",
+                self.folder.display()
+            )
+        });
         let failure = lock(&self.failure).clone();
-        failure.map(|why| format!("features and matches are not kept for the next run: {why}"))
+        let failure =
+            failure.map(|why| format!("features and matches are not kept for the next run: {why}"));
+        damage.into_iter().chain(failure).collect()
     }
 
     /// Returns the features of a key if they are cached and pass `is_right`.
     pub(super) fn features(
         &self,
         key: &Key,
-        is_right: impl FnOnce(&Features) -> bool,
-    ) -> Option<Features> {
-        let path = self.features_path(key);
-        let bytes = is_own_folder(&self.folder).then(|| read(&path)).flatten();
-        let found = bytes
-            .and_then(|bytes| decode_features(&bytes))
-            .filter(is_right);
+        is_right: impl FnOnce(&KeptFeatures) -> bool,
+    ) -> Option<KeptFeatures> {
+        let found = self.read_features(key, is_right);
         let counts = if found.is_some() {
             &self.found
         } else {
             &self.made
         };
         counts.images.fetch_add(1, Ordering::Relaxed);
-        if found.is_some() {
-            disk::mark_used(&path);
-        }
         found
     }
 
-    pub(super) fn keep_features(&self, key: &Key, features: &Features) {
-        self.write(&self.features_path(key), &encode_features(features));
+    fn read_features(
+        &self,
+        key: &Key,
+        is_right: impl FnOnce(&KeptFeatures) -> bool,
+    ) -> Option<KeptFeatures> {
+        let path = self.features_path(key);
+        let bytes = self.is_readable().then(|| read(&path)).flatten()?;
+        let decoded = decode_features(key, &bytes);
+        match decoded.and_then(|kept| is_right(&kept).then_some(kept).ok_or(Unusable::Damaged)) {
+            Ok(kept) => {
+                disk::mark_used(&path);
+                Some(kept)
+            }
+            Err(why) => {
+                self.remove_unusable(&path, why);
+                None
+            }
+        }
+    }
+
+    /// Returns whether there is a file with the features of a key, which may be damaged.
+    pub(super) fn has_features(&self, key: &Key) -> bool {
+        self.is_readable() && self.features_path(key).exists()
+    }
+
+    pub(super) fn keep_features(&self, key: &Key, kept: &KeptFeatures) {
+        self.write(&self.features_path(key), &encode_features(key, kept));
     }
 
     pub(super) fn pair(&self, key: &Key) -> Option<Matches> {
-        let found = lock(&self.pairs).known.get(key).cloned();
+        let found = lock(&self.matches).get(key).cloned();
         let counts = if found.is_some() {
             &self.found
         } else {
@@ -141,37 +164,90 @@ impl FeatureCache {
     }
 
     pub(super) fn has_pair(&self, key: &Key) -> bool {
-        lock(&self.pairs).known.contains_key(key)
+        lock(&self.matches).get(key).is_some()
     }
 
     pub(super) fn keep_pair(&self, key: Key, matches: &Matches) {
-        let mut pairs = lock(&self.pairs);
-        pairs.known.insert(key, matches.clone());
-        pairs.unsaved.push(key);
-        if pairs.saved.get_or_insert_with(Instant::now).elapsed() > SAVE_EVERY {
-            self.save_pairs(&mut pairs);
+        self.keep(&self.matches, key, matches.clone());
+    }
+
+    pub(super) fn verified(&self, key: &Key) -> Option<Option<VerifiedMatches>> {
+        lock(&self.verified).get(key).cloned()
+    }
+
+    pub(super) fn keep_verified(&self, key: Key, verified: Option<VerifiedMatches>) {
+        self.keep(&self.verified, key, verified);
+    }
+
+    fn keep<E: Entry>(&self, entries: &Mutex<Entries<E>>, key: Key, entry: E) {
+        let mut entries = lock(entries);
+        if entries.keep(key, entry) {
+            self.write_unsaved(&mut entries);
         }
     }
 
-    fn save_pairs(&self, pairs: &mut PairCache) {
-        let unsaved = std::mem::take(&mut pairs.unsaved);
-        let Some(first) = unsaved.iter().min() else {
-            return;
-        };
-        let path = self.folder.join(format!("matches-{}.bin", hex(first)));
-        let rows = unsaved
-            .iter()
-            .filter_map(|key| Some((key, pairs.known.get(key)?)));
-        self.write(&path, &encode_pairs(rows));
-        pairs.saved = Some(Instant::now());
+    fn save_entries(&self) {
+        self.write_unsaved(&mut lock(&self.matches));
+        self.write_unsaved(&mut lock(&self.verified));
+    }
+
+    fn write_unsaved<E: Entry>(&self, entries: &mut Entries<E>) {
+        if let Some(bytes) = entries.take_unsaved() {
+            let name = file_name(E::PREFIX, &Sha256::digest(&bytes).into());
+            self.write(&self.folder.join(name), &bytes);
+        }
+    }
+
+    fn load<E: Entry>(&self, entries: &Mutex<Entries<E>>) {
+        let (mut entries, mut left) = (lock(entries), LOADED_BYTES);
+        let files = disk::kept_files(&self.folder, |name| is_named(name, E::PREFIX));
+        for file in files.into_iter().rev() {
+            let Some(rest) = left.checked_sub(file.bytes) else {
+                break;
+            };
+            let Some(bytes) = read(&file.path) else {
+                continue;
+            };
+            match entries.load(&bytes) {
+                Ok(()) => {
+                    disk::mark_used(&file.path);
+                    left = rest;
+                }
+                Err(why) => self.remove_unusable(&file.path, why),
+            }
+        }
+    }
+
+    fn remove_unusable(&self, path: &Path, why: Unusable) {
+        match why {
+            Unusable::Damaged => self.remove_damaged(path),
+            Unusable::OtherVersion => drop(fs::remove_file(path)),
+        }
+    }
+
+    /// Counts an entry that cannot be right: its file was changed.
+    pub(super) fn note_damage(&self) {
+        self.damaged.fetch_add(1, Ordering::Relaxed);
+    }
+
+    fn remove_damaged(&self, path: &Path) {
+        self.note_damage();
+        let _ = fs::remove_file(path);
     }
 
     fn features_path(&self, key: &Key) -> PathBuf {
-        self.folder.join(format!("features-{}.bin", hex(key)))
+        self.folder.join(file_name(FEATURES, key))
+    }
+
+    fn is_readable(&self) -> bool {
+        self.limit_bytes > 0 && is_own_folder(&self.folder)
     }
 
     /// Writing is not tried again after a failure: a full disk does not become emptier by it.
     fn write(&self, path: &Path, bytes: &[u8]) {
+        if self.limit_bytes == 0 {
+            return;
+        }
         let mut failure = lock(&self.failure);
         if failure.is_none() {
             let written = make_own_folder(&self.folder).and_then(|()| disk::write(path, bytes));
@@ -179,22 +255,71 @@ impl FeatureCache {
                 .err()
                 .map(|error| format!("{}: {error}", self.folder.display()));
         }
+        let more = bytes.len() as u64;
+        let unchecked = self.unchecked_bytes.fetch_add(more, Ordering::Relaxed) + more;
+        if unchecked > self.limit_bytes / CHECKED_SHARE && is_own_folder(&self.folder) {
+            self.unchecked_bytes.store(0, Ordering::Relaxed);
+            self.make_room();
+        }
     }
 
     fn make_room(&self) {
-        if !is_own_folder(&self.folder) {
-            return;
-        }
-        disk::remove_leftovers(&self.folder, false);
-        let is_ours = |name: &OsStr| is_named(name, "features-") || is_named(name, "matches-");
-        disk::remove_beyond(disk::kept_files(&self.folder, is_ours), self.budget_bytes);
+        disk::remove_beyond(disk::kept_files(&self.folder, is_ours), self.limit_bytes);
     }
 }
 
 impl Drop for FeatureCache {
     fn drop(&mut self) {
-        self.save_pairs(&mut lock(&self.pairs));
+        self.save_entries();
     }
+}
+
+/// Returns the size of the cache of a folder in bytes.
+#[must_use]
+pub fn feature_cache_bytes(folder: &Path) -> u64 {
+    if !is_own_folder(folder) {
+        return 0;
+    }
+    let files = disk::kept_files(folder, is_ours);
+    files.iter().map(|file| file.bytes).sum()
+}
+
+/// Removes the files of the cache of a folder, and the folder if nothing else is in it.
+///
+/// Returns the number of bytes that became free.
+///
+/// # Errors
+/// Returns the error of the first file that cannot be removed.
+pub fn remove_feature_cache(folder: &Path) -> std::io::Result<u64> {
+    if !is_own_folder(folder) {
+        return Ok(0);
+    }
+    let mut bytes = 0;
+    for file in disk::kept_files(folder, is_ours) {
+        fs::remove_file(&file.path)?;
+        bytes += file.bytes;
+    }
+    disk::remove_leftovers(folder, false);
+    // Files of others stay, and with them the folder.
+    let _ = fs::remove_dir(folder);
+    Ok(bytes)
+}
+
+/// Start of the names of files with the features of an image.
+const FEATURES: &str = "features-";
+
+fn is_ours(name: &OsStr) -> bool {
+    let prefixes = [FEATURES, Matches::PREFIX, Option::<VerifiedMatches>::PREFIX];
+    prefixes.iter().any(|prefix| is_named(name, prefix))
+}
+
+fn file_name(prefix: &str, key: &Key) -> String {
+    format!("{prefix}{}.bin", hex(key))
+}
+
+fn is_named(name: &OsStr, prefix: &str) -> bool {
+    name.to_str()
+        .is_some_and(|name| name.starts_with(prefix) && name.ends_with(".bin"))
 }
 
 /// Returns whether this is a folder of the project, not a link that leads out of it.
@@ -207,27 +332,6 @@ fn make_own_folder(folder: &Path) -> std::io::Result<()> {
         return Ok(());
     }
     fs::create_dir(folder)
-}
-
-fn read_pairs(folder: &Path) -> FxHashMap<Key, Matches> {
-    let (mut known, mut left) = (FxHashMap::default(), LOADED_BYTES);
-    let files = disk::kept_files(folder, |name| is_named(name, "matches-"));
-    for file in files.into_iter().rev() {
-        let Some(rest) = left.checked_sub(file.bytes) else {
-            break;
-        };
-        if let Some(pairs) = read(&file.path).and_then(|bytes| decode_pairs(&bytes)) {
-            known.extend(pairs);
-            disk::mark_used(&file.path);
-            left = rest;
-        }
-    }
-    known
-}
-
-fn is_named(name: &OsStr, start: &str) -> bool {
-    name.to_str()
-        .is_some_and(|name| name.starts_with(start) && name.ends_with(".bin"))
 }
 
 /// Reads a regular file of plausible size; links are not followed.

@@ -3,22 +3,50 @@ use sha2::{Digest, Sha256};
 
 use crate::sfm::{Descriptors, Features};
 
-/// Matches of two images: (keypoint of the first, keypoint of the second).
-pub(super) type Matches = Vec<(u32, u32)>;
-
 /// Key of a cached entry: a digest of everything that it depends on.
 pub(super) type Key = [u8; 32];
 
 /// First bytes of a file: its kind and the version of its layout.
-const FEATURES: &[u8; 8] = b"OSTRAFT1";
-const MATCHES: &[u8; 8] = b"OSTRAMT1";
-const KIND: usize = FEATURES.len();
+pub(super) type Kind = [u8; 8];
+/// First bytes of a file with the features of an image.
+const FEATURES: &Kind = b"OSTRAFT2";
 /// Length of the digest at the end of a file, in bytes.
 const DIGEST: usize = 32;
 
-/// Encodes features as little-endian values followed by their digest.
-pub(super) fn encode_features(features: &Features) -> Vec<u8> {
+/// Why the content of a file is not used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Unusable {
+    /// It was changed or cut off.
+    Damaged,
+    /// It is intact, but of another kind or version.
+    OtherVersion,
+}
+
+/// Features, and the colour of the image at each; without colours if only its grey values are known.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct KeptFeatures {
+    pub features: Features,
+    pub colors: Vec<[u8; 3]>,
+}
+
+/// Encodes features with their key as little-endian values followed by a digest.
+pub(super) fn encode_features(key: &Key, kept: &KeptFeatures) -> Vec<u8> {
     let mut bytes = FEATURES.to_vec();
+    bytes.extend(key);
+    bytes.extend((kept.colors.len() as u64).to_le_bytes());
+    bytes.extend(kept.colors.as_flattened());
+    extend_with(&kept.features, &mut bytes);
+    sealed(bytes)
+}
+
+/// Returns a digest of features.
+pub(super) fn digest_of(features: &Features) -> Key {
+    let mut bytes = Vec::new();
+    extend_with(features, &mut bytes);
+    Sha256::digest(bytes).into()
+}
+
+fn extend_with(features: &Features, bytes: &mut Vec<u8>) {
     let (is_floats, dim) = (
         features.descriptors.as_floats().is_some(),
         features.descriptors.dim(),
@@ -59,12 +87,28 @@ pub(super) fn encode_features(features: &Features) -> Vec<u8> {
             bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
         }
     }
-    sealed(bytes)
 }
 
-/// Decodes features; `None` if the bytes are damaged or incomplete.
-pub(super) fn decode_features(bytes: &[u8]) -> Option<Features> {
+/// Decodes the features of a key.
+pub(super) fn decode_features(key: &Key, bytes: &[u8]) -> Result<KeptFeatures, Unusable> {
     let mut values = Reader(opened(bytes, FEATURES)?);
+    // A file under the name of another one is as good as damaged.
+    let is_own = values.key().as_ref() == Some(key);
+    let kept = is_own.then(|| kept_features(values)).flatten();
+    kept.ok_or(Unusable::Damaged)
+}
+
+fn kept_features(mut values: Reader<'_>) -> Option<KeptFeatures> {
+    let count = values.count()?;
+    let colors = values.take(count.checked_mul(3)?)?.as_chunks().0.to_vec();
+    let features = features(values)?;
+    let sizes = [0, features.keypoints.len()];
+    sizes
+        .contains(&count)
+        .then_some(KeptFeatures { features, colors })
+}
+
+fn features(mut values: Reader<'_>) -> Option<Features> {
     let [width, height, is_floats] = [values.u32()?, values.u32()?, values.u32()?];
     let [count, scales, scores, dim] = [
         values.count()?,
@@ -104,82 +148,65 @@ pub(super) fn decode_features(bytes: &[u8]) -> Option<Features> {
     })
 }
 
-pub(super) fn encode_pairs<'a>(pairs: impl Iterator<Item = (&'a Key, &'a Matches)>) -> Vec<u8> {
-    let mut bytes = MATCHES.to_vec();
-    for (key, matches) in pairs {
-        bytes.extend(key);
-        bytes.extend((matches.len() as u64).to_le_bytes());
-        bytes.extend(
-            matches
-                .iter()
-                .flat_map(|&(a, b)| [a, b])
-                .flat_map(u32::to_le_bytes),
-        );
-    }
-    sealed(bytes)
-}
-
-/// Decodes pairs; `None` if the bytes are damaged or incomplete.
-pub(super) fn decode_pairs(bytes: &[u8]) -> Option<Vec<(Key, Matches)>> {
-    let mut values = Reader(opened(bytes, MATCHES)?);
-    let mut pairs = Vec::new();
-    while !values.0.is_empty() {
-        let key: Key = values.take(DIGEST)?.try_into().ok()?;
-        let count = values.count()?;
-        let numbers = values
-            .take(count.checked_mul(8)?)?
-            .as_chunks()
-            .0
-            .iter()
-            .map(|&bytes| u32::from_le_bytes(bytes));
-        let numbers: Vec<u32> = numbers.collect();
-        pairs.push((
-            key,
-            numbers
-                .chunks_exact(2)
-                .map(|pair| (pair[0], pair[1]))
-                .collect(),
-        ));
-    }
-    Some(pairs)
-}
-
 pub(super) fn hex(key: &Key) -> String {
     key.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
+/// Appends the digest of a file's bytes.
+pub(super) fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
     let digest = Sha256::digest(&bytes);
     bytes.extend(&digest[..]);
     bytes
 }
 
 /// Returns the bytes between kind and digest, if both are right.
-fn opened<'a>(bytes: &'a [u8], kind: &[u8; KIND]) -> Option<&'a [u8]> {
-    let (content, digest) = bytes.split_at_checked(bytes.len().checked_sub(DIGEST)?)?;
-    (Sha256::digest(content)[..] == *digest)
-        .then(|| content.strip_prefix(kind))
-        .flatten()
+pub(super) fn opened<'a>(bytes: &'a [u8], kind: &Kind) -> Result<&'a [u8], Unusable> {
+    let parts = bytes
+        .len()
+        .checked_sub(DIGEST)
+        .and_then(|length| bytes.split_at_checked(length));
+    let (content, digest) = parts.ok_or(Unusable::Damaged)?;
+    if Sha256::digest(content)[..] != *digest {
+        return Err(Unusable::Damaged);
+    }
+    content.strip_prefix(kind).ok_or(Unusable::OtherVersion)
 }
 
-struct Reader<'a>(&'a [u8]);
+/// Reads little-endian values one after the other.
+pub(super) struct Reader<'a>(pub &'a [u8]);
 
 impl<'a> Reader<'a> {
-    fn take(&mut self, count: usize) -> Option<&'a [u8]> {
+    pub fn take(&mut self, count: usize) -> Option<&'a [u8]> {
         let (taken, rest) = self.0.split_at_checked(count)?;
         self.0 = rest;
         Some(taken)
     }
 
-    fn u32(&mut self) -> Option<u32> {
+    pub fn u32(&mut self) -> Option<u32> {
         self.take(4)?.try_into().ok().map(u32::from_le_bytes)
     }
 
-    fn count(&mut self) -> Option<usize> {
+    pub fn key(&mut self) -> Option<Key> {
+        self.take(DIGEST)?.try_into().ok()
+    }
+
+    pub fn u32s(&mut self, count: usize) -> Option<Vec<u32>> {
+        let bytes = self.take(count.checked_mul(4)?)?;
+        Some(
+            bytes
+                .as_chunks()
+                .0
+                .iter()
+                .map(|&bytes| u32::from_le_bytes(bytes))
+                .collect(),
+        )
+    }
+
+    pub fn count(&mut self) -> Option<usize> {
         usize::try_from(self.take(8)?.try_into().ok().map(u64::from_le_bytes)?).ok()
     }
 
-    fn f32s(&mut self, count: usize) -> Option<Vec<f32>> {
+    pub fn f32s(&mut self, count: usize) -> Option<Vec<f32>> {
         let bytes = self.take(count.checked_mul(4)?)?;
         Some(
             bytes
@@ -191,7 +218,7 @@ impl<'a> Reader<'a> {
         )
     }
 
-    fn f64s(&mut self, count: usize) -> Option<Vec<f64>> {
+    pub fn f64s(&mut self, count: usize) -> Option<Vec<f64>> {
         let bytes = self.take(count.checked_mul(8)?)?;
         Some(
             bytes

@@ -2,18 +2,25 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use glam::DVec2;
+use glam::{DQuat, DVec2, DVec3};
+use ostra_frames::{Frame, ImageSource, Orientation};
+use ostra_geometry::{Camera, Pose, TwoViewOptions};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
 use sha2::{Digest, Sha256};
 
 use super::*;
 use crate::sfm::{Descriptors, FeatureError, FeatureExtractor, FeatureMatcher, Features};
+
+const LIMIT: u64 = 1 << 30;
 
 /// Counts its calls; returns as many features as the image is wide.
 #[derive(Default)]
 struct Worker {
     images: AtomicUsize,
     pairs: AtomicUsize,
-    depends_on_set: bool,
+    /// Number of first images that all matches depend on.
+    shared: usize,
 }
 
 impl FeatureExtractor for Worker {
@@ -50,8 +57,8 @@ impl FeatureMatcher for Worker {
         "worker"
     }
 
-    fn depends_on_set(&self) -> bool {
-        self.depends_on_set
+    fn shared_images(&self, images: &[&Features]) -> Vec<usize> {
+        (0..images.len().min(self.shared)).collect()
     }
 
     fn matches(
@@ -75,7 +82,7 @@ struct Run {
 
 impl Run {
     fn features(&self, identity: &str, grey: &[f32], allowed: Option<&[bool]>) -> Features {
-        let cache = FeatureCache::open(self.folder.clone());
+        let cache = FeatureCache::open(self.folder.clone(), LIMIT);
         let extractor = CachedExtractor {
             extractor: &self.worker,
             identity,
@@ -85,7 +92,7 @@ impl Run {
     }
 
     fn matches(&self, features: &[&Features], pair: (usize, usize)) -> Vec<(u32, u32)> {
-        let cache = FeatureCache::open(self.folder.clone());
+        let cache = FeatureCache::open(self.folder.clone(), LIMIT);
         let matcher = CachedMatcher {
             matcher: &self.worker,
             identity: "a",
@@ -135,15 +142,15 @@ fn same_image_is_extracted_once_and_others_again() {
 }
 
 #[test]
-fn matches_are_cached_by_images_and_by_set_if_they_depend_on_it() {
+fn matches_are_cached_by_images_and_by_those_that_they_depend_on() {
     let scratch = tempfile::tempdir().unwrap();
-    for (depends_on_set, expected) in [(false, 1), (true, 2)] {
+    for (shared, expected) in [(0, 1), (1, 1), (2, 2)] {
         let worker = Worker {
-            depends_on_set,
+            shared,
             ..Worker::default()
         };
         let run = Run {
-            folder: scratch.path().join(format!("cache-{depends_on_set}")),
+            folder: scratch.path().join(format!("cache-{shared}")),
             worker,
         };
         let images = [8, 12, 16].map(|width| {
@@ -194,6 +201,18 @@ fn damaged_or_foreign_files_are_computed_again() {
         run.matches(&[&right, &right], (0, 1));
         assert_eq!(run.count(), (number + 2, number + 2), "and whole again");
     }
+    fs::write(&whole[0].0, "short").unwrap();
+    fs::write(&whole[1].0, "short").unwrap();
+    let cache = FeatureCache::open(run.folder.clone(), LIMIT);
+    let extractor = CachedExtractor {
+        extractor: &run.worker,
+        identity: "a",
+        cache: &cache,
+    };
+    extractor.extract(&grey, 6, 4, None).unwrap();
+    let warnings = cache.save();
+    assert!(warnings[0].contains("2 damaged files"), "{warnings:?}");
+    assert!(cache.save().is_empty(), "once");
 }
 
 #[test]
@@ -243,14 +262,14 @@ fn write_failures_are_reported_and_the_work_is_done() {
     let scratch = tempfile::tempdir().unwrap();
     let folder = scratch.path().join("cache");
     fs::write(&folder, "a file where the folder should be").unwrap();
-    let (cache, worker) = (FeatureCache::open(folder.clone()), Worker::default());
+    let (cache, worker) = (FeatureCache::open(folder.clone(), LIMIT), Worker::default());
     let extractor = CachedExtractor {
         extractor: &worker,
         identity: "a",
         cache: &cache,
     };
     extractor.extract(&[0.5; 24], 6, 4, None).unwrap();
-    assert!(cache.save().unwrap().contains("not kept"), "{folder:?}");
+    assert!(cache.save()[0].contains("not kept"), "{folder:?}");
     assert_eq!(cache.report(), None);
 }
 
@@ -275,19 +294,173 @@ fn links_out_of_the_project_are_not_followed() {
 fn least_recently_used_entries_are_removed() {
     let scratch = tempfile::tempdir().unwrap();
     let worker = Worker::default();
-    let cache = FeatureCache::bounded(scratch.path().join("cache"), 1000);
+    let cache = FeatureCache::open(scratch.path().join("cache"), 1200);
     let extractor = CachedExtractor {
         extractor: &worker,
         identity: "a",
         cache: &cache,
     };
-    // Each takes some 260 bytes.
+    // Each takes some 300 bytes.
     (0..8).for_each(|shade| drop(extractor.extract(&[shade as f32; 24], 6, 4, None).unwrap()));
-    assert_eq!(cache.save(), None);
+    assert!(cache.save().is_empty());
     let kept = files(&scratch.path().join("cache"));
     let bytes: u64 = kept
         .iter()
         .map(|path| fs::metadata(path).unwrap().len())
         .sum();
-    assert!(!kept.is_empty() && bytes <= 1000, "{bytes}");
+    assert!(!kept.is_empty() && bytes <= 1200, "{bytes}");
+    assert_eq!(feature_cache_bytes(&scratch.path().join("cache")), bytes);
+}
+
+#[test]
+fn folder_stays_within_its_limit_while_a_run_writes() {
+    let scratch = tempfile::tempdir().unwrap();
+    let (folder, worker) = (scratch.path().join("cache"), Worker::default());
+    let cache = FeatureCache::open(folder.clone(), 3000);
+    let extractor = CachedExtractor {
+        extractor: &worker,
+        identity: "a",
+        cache: &cache,
+    };
+    for shade in 0..40 {
+        drop(extractor.extract(&[shade as f32; 24], 6, 4, None).unwrap());
+        let bytes = feature_cache_bytes(&folder);
+        assert!(bytes <= 3000, "after {shade}: {bytes}");
+    }
+}
+
+#[test]
+fn limit_of_zero_keeps_nothing() {
+    let scratch = tempfile::tempdir().unwrap();
+    let run = Run {
+        folder: scratch.path().join("cache"),
+        worker: Worker::default(),
+    };
+    run.features("a", &[0.5; 24], None);
+    let cache = FeatureCache::open(run.folder.clone(), 0);
+    let extractor = CachedExtractor {
+        extractor: &run.worker,
+        identity: "a",
+        cache: &cache,
+    };
+    extractor.extract(&[0.5; 24], 6, 4, None).unwrap();
+    assert_eq!(run.count().0, 2, "not read");
+    assert!(cache.save().is_empty());
+    assert_eq!(feature_cache_bytes(&run.folder), 0);
+}
+
+#[test]
+fn removal_spares_files_of_others() {
+    let scratch = tempfile::tempdir().unwrap();
+    let run = Run {
+        folder: scratch.path().join("cache"),
+        worker: Worker::default(),
+    };
+    let right = run.features("a", &[0.25; 24], None);
+    run.matches(&[&right, &right], (0, 1));
+    let foreign = run.folder.join("notes.txt");
+    fs::write(&foreign, "mine").unwrap();
+    let bytes = feature_cache_bytes(&run.folder);
+    assert!(bytes > 0);
+    assert_eq!(remove_feature_cache(&run.folder).unwrap(), bytes);
+    assert_eq!(files(&run.folder), [foreign.clone()]);
+    fs::remove_file(foreign).unwrap();
+    remove_feature_cache(&run.folder).unwrap();
+    assert!(!run.folder.exists());
+}
+
+#[test]
+fn verified_pairs_are_computed_once_also_those_without_a_geometry() {
+    let scratch = tempfile::tempdir().unwrap();
+    let folder = scratch.path().join("cache");
+    let camera = Camera::pinhole(640, 480, [500.0; 2], [320.0, 240.0]);
+    let mut random = Pcg64Mcg::seed_from_u64(5);
+    let mut any = |end: f64| random.random_range(0.0..end);
+    let scattered: Vec<[DVec2; 2]> = (0..40)
+        .map(|_| [0; 2].map(|_| DVec2::new(any(640.0), any(480.0))))
+        .collect();
+    let second_from_first = Pose {
+        rotation: DQuat::from_rotation_y(0.1),
+        translation: DVec3::new(-1.0, 0.1, 0.05),
+    };
+    let moved: Vec<[DVec2; 2]> = (0..80)
+        .filter_map(|_| {
+            let at = DVec3::new(any(3.0) - 1.5, any(2.0) - 1.0, 4.0 + any(3.0));
+            let second = second_from_first.transform(at);
+            Some([camera.project(at)?, camera.project(second)?])
+        })
+        .collect();
+    let options = TwoViewOptions::default();
+    let with = |cache: Option<&FeatureCache>, matches: &[[DVec2; 2]]| {
+        verified_matches(cache, [&camera, &camera], true, matches, &options)
+    };
+    let [of_moved, of_scattered] = [&moved, &scattered].map(|matches| with(None, matches));
+    assert!(of_moved.as_ref().unwrap().inliers.len() > 60 && of_scattered.is_none());
+    let cache = FeatureCache::open(folder.clone(), LIMIT);
+    assert_eq!(with(Some(&cache), &moved), of_moved);
+    assert_eq!(with(Some(&cache), &scattered), of_scattered);
+    drop(cache);
+    let kept = files(&folder);
+    assert_eq!(kept.len(), 1, "{kept:?}");
+    let cache = FeatureCache::open(folder.clone(), LIMIT);
+    assert_eq!(with(Some(&cache), &moved), of_moved);
+    assert_eq!(with(Some(&cache), &scattered), of_scattered);
+    assert!(cache.save().is_empty());
+    assert_eq!(files(&folder), kept, "nothing was computed");
+    // Another camera is another pair.
+    let wider = Camera::pinhole(640, 480, [450.0; 2], [320.0, 240.0]);
+    let other = verified_matches(Some(&cache), [&wider, &camera], true, &moved, &options);
+    assert_ne!(other, of_moved);
+    assert!(cache.save().is_empty());
+    assert_eq!(files(&folder).len(), 2);
+}
+
+#[test]
+fn image_file_is_known_by_its_bytes() {
+    let scratch = tempfile::tempdir().unwrap();
+    let path = scratch.path().join("a.png");
+    fs::write(&path, "an image").unwrap();
+    let frame = |path: &Path| Frame {
+        name: "a".into(),
+        width: 6,
+        height: 4,
+        image: ImageSource::File {
+            path: path.into(),
+            orientation: Orientation::default(),
+        },
+        depth: None,
+        camera: None,
+    };
+    let (cache, worker) = (
+        FeatureCache::open(scratch.path().join("cache"), LIMIT),
+        Worker::default(),
+    );
+    let of = |identity| CachedExtractor {
+        extractor: &worker,
+        identity,
+        cache: &cache,
+    };
+    let key = of("a").image_key(&frame(&path), None).unwrap();
+    assert!(!of("a").has_image(&key));
+    let features = worker.extract(&[0.5; 24], 6, 4, None).unwrap();
+    let colors = vec![[1, 2, 3]; 6];
+    of("a").keep_image(&key, &features, &colors);
+    // Another name and place, the same bytes.
+    let copy = scratch.path().join("b.png");
+    fs::copy(&path, &copy).unwrap();
+    let key = of("a").image_key(&frame(&copy), None).unwrap();
+    assert_eq!(of("a").image(&key, &frame(&copy)), Some((features, colors)));
+    let others = [
+        of("b").image_key(&frame(&path), None),
+        of("a").image_key(&frame(&path), Some(&[true; 24])),
+        {
+            fs::write(&path, "an Image").unwrap();
+            of("a").image_key(&frame(&path), None)
+        },
+    ];
+    for other in others {
+        assert!(!of("a").has_image(&other.unwrap()));
+    }
+    fs::remove_file(&path).unwrap();
+    assert_eq!(of("a").image_key(&frame(&path), None), None);
 }

@@ -1,12 +1,11 @@
-use glam::DVec2;
+use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::FeatureCache;
-use super::format::{Key, Matches, encode_features};
+use super::entries::Matches;
+use super::format::{KeptFeatures, Key, digest_of};
+use super::keys::{are_of, begun, pixels_key};
 use crate::sfm::{FeatureError, FeatureExtractor, FeatureMatcher, Features, PairMatches};
-
-/// Increase this when the same input gives other features or matches than before.
-const VERSION: u32 = 1;
 
 /// An extractor with a cache: features of an image that it processed before are read instead.
 pub struct CachedExtractor<'a> {
@@ -30,23 +29,19 @@ impl FeatureExtractor for CachedExtractor<'_> {
         height: usize,
         allowed: Option<&[bool]>,
     ) -> Result<Features, FeatureError> {
-        let mut digest = begun(&[self.identity, self.extractor.name()]);
-        digest.update(format!("{width}×{height} {} ", allowed.is_some()));
-        digest.update(bytemuck::cast_slice::<f32, u8>(grey));
-        let bits = allowed.unwrap_or_default().chunks(4096);
-        bits.for_each(|bits| {
-            digest.update(bits.iter().map(|&bit| u8::from(bit)).collect::<Vec<u8>>());
-        });
-        let key: Key = digest.finalize().into();
+        let key = pixels_key(&[self.identity, self.name()], grey, width, height, allowed);
         if let Some(known) = self
             .cache
-            .features(&key, |known| are_of(known, width, height))
+            .features(&key, |known| are_of(&known.features, width, height))
         {
-            return Ok(known);
+            return Ok(known.features);
         }
-        let made = self.extractor.extract(grey, width, height, allowed)?;
+        let made = KeptFeatures {
+            features: self.extractor.extract(grey, width, height, allowed)?,
+            colors: Vec::new(),
+        };
         self.cache.keep_features(&key, &made);
-        Ok(made)
+        Ok(made.features)
     }
 }
 
@@ -65,12 +60,12 @@ impl FeatureMatcher for CachedMatcher<'_> {
         self.matcher.name()
     }
 
-    fn depends_on_set(&self) -> bool {
-        self.matcher.depends_on_set()
+    fn shared_images(&self, images: &[&Features]) -> Vec<usize> {
+        self.matcher.shared_images(images)
     }
 
     fn matches(&self, first: &Features, second: &Features) -> Result<Matches, FeatureError> {
-        self.matcher.matches(first, second)
+        self.of_pairs(&[first, second], &[(0, 1)])?(0, 1)
     }
 
     fn of_set<'a>(&'a self, images: &'a [&'a Features]) -> Result<PairMatches<'a>, FeatureError> {
@@ -87,14 +82,13 @@ impl FeatureMatcher for CachedMatcher<'_> {
         pairs: &[(usize, usize)],
     ) -> Result<PairMatches<'a>, FeatureError> {
         let keys = self.keys(images);
-        let is_known =
-            |&(first, second): &(usize, usize)| self.cache.has_pair(&keys.of(first, second));
+        let mut open = pairs.to_vec();
+        open.retain(|&(first, second)| !self.cache.has_pair(&keys.of(first, second)));
         // The shared data of a set is only computed if some pair is unknown. It is computed outside
         // the closure, which runs in parallel: a parallel job that waits for another one can end up
         // waiting for itself.
-        let needs_matcher = !pairs.iter().all(is_known);
-        let matcher = needs_matcher
-            .then(|| self.matcher.of_pairs(images, pairs))
+        let matcher = (!open.is_empty())
+            .then(|| self.matcher.of_pairs(images, &open))
             .transpose()?;
         Ok(self.cached(keys, images, matcher))
     }
@@ -102,13 +96,10 @@ impl FeatureMatcher for CachedMatcher<'_> {
 
 impl CachedMatcher<'_> {
     fn keys(&self, images: &[&Features]) -> PairKeys {
-        let digests: Vec<Key> = images
-            .iter()
-            .map(|one| Sha256::digest(encode_features(one)).into())
-            .collect();
+        let digests: Vec<Key> = images.par_iter().map(|one| digest_of(one)).collect();
         let mut set = begun(&[self.identity, self.matcher.name()]);
-        if self.matcher.depends_on_set() {
-            digests.iter().for_each(|digest| set.update(digest));
+        for shared in self.matcher.shared_images(images) {
+            set.update(digests[shared]);
         }
         PairKeys { set, digests }
     }
@@ -122,13 +113,19 @@ impl CachedMatcher<'_> {
         Box::new(move |first, second| {
             let key = keys.of(first, second);
             let counts = [images[first], images[second]].map(|one| one.keypoints.len());
-            if let Some(known) = self.cache.pair(&key).filter(|known| fits(known, counts)) {
+            let known = self.cache.pair(&key);
+            let is_known = known.is_some();
+            if let Some(known) = known.filter(|known| fits(known, counts)) {
                 return Ok(known);
             }
+            if is_known {
+                self.cache.note_damage();
+            }
             let made = match &matcher {
-                Some(matcher) => matcher(first, second)?,
-                // The cached matches do not fit the keypoints: a file was changed.
-                None => self.matcher.matches(images[first], images[second])?,
+                Some(matcher) if !is_known => matcher(first, second)?,
+                // The cached matches do not fit the keypoints: a file was changed. The set was
+                // prepared without this pair.
+                _ => self.matcher.of_pairs(images, &[(first, second)])?(first, second)?,
             };
             self.cache.keep_pair(key, &made);
             Ok(made)
@@ -151,39 +148,10 @@ impl PairKeys {
     }
 }
 
-/// Returns whether features are plausible for an image of this size: the folder may come from an untrusted source.
-fn are_of(features: &Features, width: usize, height: usize) -> bool {
-    let (x_end, y_end) = (width as f64, height as f64);
-    let is_inside = |at: &DVec2| (0.0..=x_end).contains(&at.x) && (0.0..=y_end).contains(&at.y);
-    (features.width as usize, features.height as usize) == (width, height)
-        && features.keypoints.iter().all(is_inside)
-        && features
-            .scales_px
-            .iter()
-            .chain(&features.scores)
-            .all(|value| value.is_finite())
-        && features
-            .descriptors
-            .as_floats()
-            .is_none_or(|values| values.iter().all(|value| value.is_finite()))
-        && features.descriptors.len() == features.keypoints.len()
-}
-
 /// Returns whether all matches refer to existing keypoints and are in order.
 fn fits(matches: &Matches, counts: [usize; 2]) -> bool {
     matches
         .iter()
         .all(|&(a, b)| (a as usize) < counts[0] && (b as usize) < counts[1])
         && matches.is_sorted_by(|one, next| one.0 < next.0)
-}
-
-/// Starts a digest with the names, each preceded by its length, so that no two lists give the same bytes.
-fn begun(names: &[&str]) -> Sha256 {
-    let mut digest = Sha256::new();
-    digest.update(VERSION.to_le_bytes());
-    for name in names {
-        digest.update((name.len() as u64).to_le_bytes());
-        digest.update(name);
-    }
-    digest
 }

@@ -214,9 +214,44 @@ impl Mapper<'_> {
     /// # Errors
     /// [`Stopped`]
     pub fn grow(&mut self) -> Result<BTreeMap<u32, Refusal>, Stopped> {
-        let mut refused: BTreeMap<u32, Refusal> = BTreeMap::new();
+        let mut refused = BTreeMap::new();
+        self.place_all(&mut refused, false)?;
+        self.finish(&mut refused)?;
+        Ok(refused)
+    }
+
+    /// Places further images in a finished model, which is adjusted again only if there are any.
+    ///
+    /// `refused` holds the images that were tried in vain.
+    ///
+    /// # Errors
+    /// [`Stopped`]
+    pub fn place_more(
+        &mut self,
+        mut refused: BTreeMap<u32, Refusal>,
+    ) -> Result<BTreeMap<u32, Refusal>, Stopped> {
+        let before = self.size().images;
+        self.place_all(&mut refused, true)?;
+        if self.size().images > before {
+            self.finish(&mut refused)?;
+        }
+        Ok(refused)
+    }
+
+    fn finish(&mut self, refused: &mut BTreeMap<u32, Refusal>) -> Result<(), Stopped> {
+        self.adjust_finally()?;
+        self.drop_lost(refused);
+        refused.retain(|&image, _| self.is_open(image));
+        Ok(())
+    }
+
+    /// Places images until none can be placed; `settled` says that the model is adjusted.
+    fn place_all(
+        &mut self,
+        refused: &mut BTreeMap<u32, Refusal>,
+        mut settled: bool,
+    ) -> Result<(), Stopped> {
         let mut adjusted = self.size();
-        let mut settled = false;
         loop {
             let open = (0..self.problem.images.len() as u32)
                 .filter(|&image| self.is_open(image))
@@ -229,10 +264,10 @@ impl Mapper<'_> {
                 .collect();
             let Some(image) = self.candidates(&before).first().copied() else {
                 if settled {
-                    break;
+                    return Ok(());
                 }
                 self.adjust_all()?;
-                self.drop_lost(&mut refused);
+                self.drop_lost(refused);
                 (adjusted, settled) = (self.size(), true);
                 continue;
             };
@@ -245,14 +280,10 @@ impl Mapper<'_> {
             self.adjust_around(image)?;
             if self.has_grown(adjusted) {
                 self.adjust_all()?;
-                self.drop_lost(&mut refused);
+                self.drop_lost(refused);
                 adjusted = self.size();
             }
         }
-        self.adjust_finally()?;
-        self.drop_lost(&mut refused);
-        refused.retain(|&image, _| self.is_open(image));
-        Ok(refused)
     }
 
     fn size(&self) -> ModelSize {

@@ -5,6 +5,7 @@
 //! The mapper does not know files or frames.
 
 mod adjust;
+mod extend;
 mod first_pair;
 mod grow;
 mod register;
@@ -13,6 +14,7 @@ mod state;
 mod tests;
 mod triangulate;
 
+pub use extend::extend;
 pub use first_pair::{FirstPairRequirement, ModelStart};
 pub use grow::{Mapped, map};
 pub use register::Refusal;

@@ -109,6 +109,19 @@ impl<'a> Mapper<'a> {
         mapper
     }
 
+    /// Takes over a model of the same problem, in which images outside it may have more keypoints now.
+    pub fn adopt(&mut self, standing: &SparseModel) {
+        self.model.cameras.clone_from(&standing.cameras);
+        (0..self.problem.cameras.len()).for_each(|camera| self.cast_rays(camera));
+        for image in standing.placed() {
+            self.model.poses[image as usize] = standing.poses[image as usize];
+            self.focal_known[self.problem.images[image as usize].camera] = true;
+        }
+        for (_, point) in standing.points() {
+            self.add_point(point.position, point.track.clone());
+        }
+    }
+
     /// Computes the undistorted keypoints of a camera's images again.
     pub fn cast_rays(&mut self, camera: usize) {
         let intrinsics = self.model.cameras[camera];

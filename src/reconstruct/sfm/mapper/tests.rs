@@ -2,7 +2,7 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::{Mapped, MapperOptions, ModelStart, map};
+use super::{Mapped, MapperOptions, ModelStart, extend, map};
 use crate::sfm::{IntrinsicsPrior, MapCamera, MapImage, MapProblem, VerifiedPair};
 use ostra_core::job::Progress;
 use ostra_geometry::{
@@ -339,6 +339,49 @@ fn image_of_another_place_is_refused() {
     );
     let refusal = models[0].refused[&29];
     assert!(refusal.seen > 100 && refusal.agreeing < 30, "{refusal:?}");
+}
+
+#[test]
+fn left_out_image_is_placed_in_the_standing_model() {
+    let recipe = Recipe {
+        outliers: 0.1,
+        ..RING
+    };
+    let made = Made::new(&recipe, 8);
+    let mut without = made.problem.clone();
+    without.pairs.retain(|pair| !pair.images.contains(&29));
+    let options = MapperOptions::default();
+    let models = map(&without, &options, &Progress::default()).unwrap();
+    assert_eq!(models[0].model.placed().count(), 29);
+    let more = |problem: &MapProblem| extend(problem, &models, &options, &Progress::default());
+    assert!(more(&without).unwrap().is_none(), "nothing was added");
+    // Its keypoints may have become more.
+    let mut problem = made.problem.clone();
+    problem.images[29].keypoints.push(DVec2::new(3.0, 4.0));
+    let extended = more(&problem).unwrap().unwrap();
+    assert_eq!(extended.model.placed().count(), 30);
+    let (centre, rotation) = made.errors(&extended);
+    assert!(
+        centre < 1e-3 && rotation < 0.05,
+        "centre {centre:.2e}, rotation {rotation:.3}°"
+    );
+    // As exact as a map of all images from scratch.
+    let (whole, _) = made.errors(&made.map()[0]);
+    assert!(centre < 1.5 * whole + 1e-5, "{centre:.2e} {whole:.2e}");
+}
+
+#[test]
+fn images_of_another_model_are_not_taken_over() {
+    let mut made = Made::new(&RING, 2);
+    let all = made.problem.pairs.clone();
+    made.problem
+        .pairs
+        .retain(|pair| (pair.images[0] < 18) == (pair.images[1] < 18));
+    let models = made.map();
+    made.problem.pairs = all;
+    let (options, progress) = (MapperOptions::default(), Progress::default());
+    let extended = extend(&made.problem, &models, &options, &progress).unwrap();
+    assert!(extended.is_none());
 }
 
 #[test]

@@ -4,7 +4,8 @@
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
-use super::centres::{LANES, NO_CENTRE, ROWS, Value, k_means, nearest_centres, tile};
+use super::centres::{NO_CENTRE, Value, k_means, nearest_centres};
+use super::tile::{LANES, ROWS};
 
 /// The nearest descriptor so far, and whether another one is nearly as near.
 ///
@@ -117,8 +118,19 @@ const MAX_CENTRES: usize = 256;
 /// Descriptors per centre used to find the centres, and rounds of k-means.
 const SAMPLE: usize = 32;
 const ROUNDS: usize = 4;
-/// Up to this many descriptors in the largest image, all are compared with all.
+/// Up to this many descriptors per image, all are compared with all.
 const EXHAUSTIVE: usize = 512;
+/// Number of images whose descriptors determine the centres.
+const REFERENCES: usize = 8;
+
+/// Returns which images of a set determine the centres, by their numbers of descriptors.
+///
+/// These are the first ones with many, so that images that are added later change neither the cells
+/// nor the matches of the others.
+pub(super) fn references(counts: impl Iterator<Item = usize>) -> Vec<usize> {
+    let many = counts.enumerate().filter(|&(_, count)| count > EXHAUSTIVE);
+    many.take(REFERENCES).map(|(image, _)| image).collect()
+}
 
 /// The descriptors of one image by cell.
 #[derive(Debug)]
@@ -128,25 +140,40 @@ pub(super) struct DescriptorCells {
 }
 
 impl DescriptorCells {
-    /// Sorts descriptors into cells around centres that all images share; a single cell if there are few.
-    pub fn of_set<T: Value>(images: &[&[T]], dim: usize) -> Vec<Self> {
-        let most = images
-            .iter()
-            .map(|values| values.len() / dim)
-            .max()
-            .unwrap_or(0);
-        if most <= EXHAUSTIVE {
+    /// Sorts descriptors of the `used` images into cells around centres that all images share.
+    ///
+    /// There is a single cell if no image has many descriptors.
+    pub fn of_set<T: Value>(images: &[&[T]], used: &[bool], dim: usize) -> Vec<Self> {
+        let chosen: Vec<&[T]> = references(images.iter().map(|values| values.len() / dim))
+            .into_iter()
+            .map(|image| images[image])
+            .collect();
+        let most = chosen.iter().map(|values| values.len() / dim).max();
+        let Some(most) = most else {
             return images
                 .iter()
                 .map(|values| Self::one((values.len() / dim) as u32))
                 .collect();
-        }
+        };
         let count = (most / PER_CENTRE).min(MAX_CENTRES);
-        let centres = k_means(&sample(images, dim, count * SAMPLE), dim, count, ROUNDS);
+        let centres = k_means(&sample(&chosen, dim, count * SAMPLE), dim, count, ROUNDS);
         images
             .par_iter()
-            .map(|values| Self::around(&centres, values, dim))
+            .zip(used)
+            .map(|(values, &used)| {
+                if used {
+                    Self::around(&centres, values, dim)
+                } else {
+                    Self::empty()
+                }
+            })
             .collect()
+    }
+
+    fn empty() -> Self {
+        Self {
+            members: [Vec::new(), Vec::new()],
+        }
     }
 
     fn one(count: u32) -> Self {
@@ -266,29 +293,30 @@ impl<T: Value> Comparison<'_, T> {
 
     /// Copies the members' descriptors one after the other, padded to whole groups of rows.
     #[inline(always)]
-    fn gather_rows(&self, members: &[u32], rows: &mut Vec<f32>) {
+    fn gather_rows(&self, members: &[u32], rows: &mut Vec<T::Packed>) {
+        let steps = self.dim.div_ceil(T::STEP);
         rows.clear();
-        rows.resize(members.len().next_multiple_of(ROWS) * self.dim, 0.0);
-        for (row, &index) in rows.chunks_exact_mut(self.dim).zip(members) {
+        rows.resize(
+            members.len().next_multiple_of(ROWS) * steps,
+            T::Packed::default(),
+        );
+        for (row, &index) in rows.chunks_exact_mut(steps).zip(members) {
             let values = &self.values[0][index as usize * self.dim..][..self.dim];
-            row.iter_mut()
-                .zip(values)
-                .for_each(|(to, value)| *to = value.unit());
+            T::pack(values, |k, packed| row[k] = packed);
         }
     }
 
     /// Copies the members' descriptors as columns, in panels of [`LANES`].
     #[inline(always)]
-    fn gather_panels(&self, members: &[u32], panels: &mut Vec<[f32; LANES]>) {
+    fn gather_panels(&self, members: &[u32], panels: &mut Vec<[T::Packed; LANES]>) {
+        let steps = self.dim.div_ceil(T::STEP);
         panels.clear();
-        panels.resize(members.len().div_ceil(LANES) * self.dim, [0.0; LANES]);
-        for (panel, members) in panels.chunks_exact_mut(self.dim).zip(members.chunks(LANES)) {
+        let blank = [T::Packed::default(); LANES];
+        panels.resize(members.len().div_ceil(LANES) * steps, blank);
+        for (panel, members) in panels.chunks_exact_mut(steps).zip(members.chunks(LANES)) {
             for (lane, &index) in members.iter().enumerate() {
                 let values = &self.values[1][index as usize * self.dim..][..self.dim];
-                panel
-                    .iter_mut()
-                    .zip(values)
-                    .for_each(|(to, value)| to[lane] = value.unit());
+                T::pack(values, |k, packed| panel[k][lane] = packed);
             }
         }
     }
@@ -297,15 +325,16 @@ impl<T: Value> Comparison<'_, T> {
     fn compare<const FUSED: bool>(
         &self,
         [firsts, seconds]: [&[u32]; 2],
-        rows: &[f32],
-        panels: &[[f32; LANES]],
+        rows: &[T::Packed],
+        panels: &[[T::Packed; LANES]],
         [forth, back]: &mut [Ranking; 2],
     ) {
-        for (panel, seconds) in panels.chunks_exact(self.dim).zip(seconds.chunks(LANES)) {
-            for (rows, firsts) in rows.chunks_exact(ROWS * self.dim).zip(firsts.chunks(ROWS)) {
-                let parts: [&[f32]; ROWS] =
-                    std::array::from_fn(|row| &rows[row * self.dim..(row + 1) * self.dim]);
-                let scores = tile::<FUSED>(parts, panel);
+        let steps = self.dim.div_ceil(T::STEP);
+        for (panel, seconds) in panels.chunks_exact(steps).zip(seconds.chunks(LANES)) {
+            for (rows, firsts) in rows.chunks_exact(ROWS * steps).zip(firsts.chunks(ROWS)) {
+                let parts: [&[T::Packed]; ROWS] =
+                    std::array::from_fn(|row| &rows[row * steps..(row + 1) * steps]);
+                let scores = T::tile::<FUSED>(parts, panel);
                 let mut bars = [f32::INFINITY; LANES];
                 for (bar, &second) in bars.iter_mut().zip(seconds) {
                     *bar = back.bars[second as usize];

@@ -2,6 +2,8 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
+use super::tile::{BytePair, LANES, ROWS, byte_tile, tile};
+
 /// Length of SIFT descriptors in bytes.
 const BYTE_LENGTH: f32 = 512.0;
 /// Number of partial sums of a dot product of floats, in the same order on every processor.
@@ -14,6 +16,21 @@ pub(crate) trait Value: Copy + Send + Sync {
 
     /// Returns the dot product of two descriptors as vectors of length 1.
     fn dot(a: &[Self], b: &[Self]) -> f32;
+
+    /// [`Self::STEP`] neighbouring values, as [`Self::tile`] takes them.
+    type Packed: Copy + Default;
+
+    /// Number of values in one [`Self::Packed`].
+    const STEP: usize;
+
+    /// Packs values, and passes each pack to `put` with its number.
+    fn pack(values: &[Self], put: impl FnMut(usize, Self::Packed));
+
+    /// Computes the dot products of some rows with the columns of a panel, for vectors of length 1.
+    fn tile<const FUSED: bool>(
+        rows: [&[Self::Packed]; ROWS],
+        panel: &[[Self::Packed; LANES]],
+    ) -> [[f32; LANES]; ROWS];
 }
 
 impl Value for u8 {
@@ -30,6 +47,24 @@ impl Value for u8 {
             .map(|(&a, &b)| i32::from(a) * i32::from(b))
             .sum();
         sum as f32 / (BYTE_LENGTH * BYTE_LENGTH)
+    }
+
+    type Packed = BytePair;
+
+    const STEP: usize = 2;
+
+    #[inline(always)]
+    fn pack(values: &[Self], put: impl FnMut(usize, BytePair)) {
+        BytePair::each_of(values, put);
+    }
+
+    #[inline(always)]
+    fn tile<const FUSED: bool>(
+        rows: [&[BytePair]; ROWS],
+        panel: &[[BytePair; LANES]],
+    ) -> [[f32; LANES]; ROWS] {
+        let length = BYTE_LENGTH * BYTE_LENGTH;
+        byte_tile(rows, panel).map(|sums| sums.map(|sum| sum as f32 / length))
     }
 }
 
@@ -51,36 +86,25 @@ impl Value for f32 {
         }
         sums.iter().sum::<f32>() + a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum::<f32>()
     }
-}
 
-/// Columns processed together.
-pub(crate) const LANES: usize = 16;
-/// Rows processed together: with [`LANES`] columns their sums fill twelve of AVX2's sixteen registers.
-pub(crate) const ROWS: usize = 6;
+    type Packed = Self;
 
-/// Computes the dot products of some rows with the columns of a panel.
-///
-/// `FUSED` is set if the processor multiplies and adds in one instruction; otherwise `mul_add`
-/// would be a slow function call.
-#[inline(always)]
-pub(crate) fn tile<const FUSED: bool>(
-    rows: [&[f32]; ROWS],
-    panel: &[[f32; LANES]],
-) -> [[f32; LANES]; ROWS] {
-    let rows = rows.map(|row| &row[..panel.len()]);
-    let mut sums = [[0.0; LANES]; ROWS];
-    for (k, column) in panel.iter().enumerate() {
-        for (sum, row) in sums.iter_mut().zip(rows) {
-            for (sum, value) in sum.iter_mut().zip(column) {
-                *sum = if FUSED {
-                    row[k].mul_add(*value, *sum)
-                } else {
-                    row[k] * value + *sum
-                };
-            }
+    const STEP: usize = 1;
+
+    #[inline(always)]
+    fn pack(values: &[Self], mut put: impl FnMut(usize, Self)) {
+        for (k, &value) in values.iter().enumerate() {
+            put(k, value);
         }
     }
-    sums
+
+    #[inline(always)]
+    fn tile<const FUSED: bool>(
+        rows: [&[Self]; ROWS],
+        panel: &[[Self; LANES]],
+    ) -> [[f32; LANES]; ROWS] {
+        tile::<FUSED>(rows, panel)
+    }
 }
 
 /// Stands for a centre where there are fewer than requested.

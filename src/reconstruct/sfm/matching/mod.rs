@@ -5,6 +5,7 @@ mod centres;
 mod nearest;
 #[cfg(test)]
 mod tests;
+mod tile;
 
 pub(super) use centres::{Value, k_means, nearest_centres};
 pub use nearest::NearestMatcher;

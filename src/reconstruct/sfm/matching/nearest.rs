@@ -1,6 +1,6 @@
 use pulp::Arch;
 
-use super::cells::{Comparison, DescriptorCells, Rule};
+use super::cells::{Comparison, DescriptorCells, Rule, references};
 use super::centres::Value;
 use crate::sfm::{Descriptors, FeatureError, FeatureMatcher, Features, PairMatches};
 
@@ -43,8 +43,15 @@ impl NearestMatcher {
     }
 
     /// Matches pairs of images that all have descriptors of `T`; an empty image has none.
-    fn of_values<'a, T: Value + 'a>(&self, images: Vec<&'a [T]>, dim: usize) -> PairMatches<'a> {
-        let (cells, rule) = (DescriptorCells::of_set(&images, dim), self.rule);
+    ///
+    /// Only `used` images occur in these pairs.
+    fn of_values<'a, T: Value + 'a>(
+        &self,
+        images: Vec<&'a [T]>,
+        used: &[bool],
+        dim: usize,
+    ) -> PairMatches<'a> {
+        let (cells, rule) = (DescriptorCells::of_set(&images, used, dim), self.rule);
         Box::new(move |first, second| {
             let values = [images[first], images[second]];
             let cells = [&cells[first], &cells[second]];
@@ -69,9 +76,9 @@ impl FeatureMatcher for NearestMatcher {
         "nearest"
     }
 
-    /// The descriptors of all images determine the cells.
-    fn depends_on_set(&self) -> bool {
-        true
+    /// The descriptors of some images determine the cells.
+    fn shared_images(&self, images: &[&Features]) -> Vec<usize> {
+        references(images.iter().map(|one| one.descriptors.len()))
     }
 
     fn matches(
@@ -83,6 +90,28 @@ impl FeatureMatcher for NearestMatcher {
     }
 
     fn of_set<'a>(&'a self, images: &'a [&'a Features]) -> Result<PairMatches<'a>, FeatureError> {
+        self.of_used(images, &vec![true; images.len()])
+    }
+
+    fn of_pairs<'a>(
+        &'a self,
+        images: &'a [&'a Features],
+        pairs: &[(usize, usize)],
+    ) -> Result<PairMatches<'a>, FeatureError> {
+        let mut used = vec![false; images.len()];
+        for &(first, second) in pairs {
+            (used[first], used[second]) = (true, true);
+        }
+        self.of_used(images, &used)
+    }
+}
+
+impl NearestMatcher {
+    fn of_used<'a>(
+        &self,
+        images: &'a [&'a Features],
+        used: &[bool],
+    ) -> Result<PairMatches<'a>, FeatureError> {
         let kinds = || {
             images
                 .iter()
@@ -107,11 +136,13 @@ impl FeatureMatcher for NearestMatcher {
         Ok(if is_bytes(known) {
             self.of_values(
                 all.map(|one| one.as_bytes().unwrap_or_default()).collect(),
+                used,
                 known.dim(),
             )
         } else {
             self.of_values(
                 all.map(|one| one.as_floats().unwrap_or_default()).collect(),
+                used,
                 known.dim(),
             )
         })

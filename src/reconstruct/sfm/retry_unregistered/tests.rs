@@ -144,6 +144,7 @@ impl Photos {
             keep_poses: false,
             allowed: &|_| None,
             extractor: &sift,
+            cached: None,
             matcher: &nearest,
             pairs: PairOptions::default(),
             mapper: MapperOptions::default(),
@@ -184,6 +185,7 @@ fn attempt(request: &SfmRequest<'_>, store: &FrameStore) -> Attempt {
     let matched = MatchedImages {
         features: &features,
         cameras: &cameras,
+        cache: None,
     };
     let tried = match_pairs(matched, &pairs, request.matcher, 0, &progress).unwrap();
     let image = |features: &&Features| MapImage {
