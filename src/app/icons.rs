@@ -5,6 +5,8 @@ use egui::{
     Vec2, WidgetInfo,
 };
 
+use super::tooltips::explained;
+
 /// Icon of a tool or switch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Icon {
@@ -47,7 +49,8 @@ pub(super) struct IconButton<'a> {
     pub tip: &'a str,
     /// `None` for a button that is no switch.
     pub selected: Option<bool>,
-    pub enabled: bool,
+    /// Why it is disabled; `None` while it is enabled.
+    pub unavailable: Option<&'a str>,
 }
 
 impl IconButton<'_> {
@@ -58,18 +61,17 @@ impl IconButton<'_> {
         } else {
             self.icon(ui)
         };
-        response
-            .on_hover_text(self.tip)
-            .on_disabled_hover_text(self.tip)
+        explained(response, self.tip, self.unavailable)
     }
 
     fn line(self, ui: &mut Ui) -> Response {
         let selected = self.selected.unwrap_or(false);
-        ui.add_enabled(self.enabled, Button::selectable(selected, self.name))
+        let enabled = self.unavailable.is_none();
+        ui.add_enabled(enabled, Button::selectable(selected, self.name))
     }
 
     fn icon(self, ui: &mut Ui) -> Response {
-        ui.add_enabled_ui(self.enabled, |ui| {
+        ui.add_enabled_ui(self.unavailable.is_none(), |ui| {
             let (rect, response) = ui.allocate_exact_size(ICON_SIZE, Sense::click_and_drag());
             let (enabled, name) = (ui.is_enabled(), self.name);
             response.widget_info(|| match self.selected {

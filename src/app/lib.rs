@@ -12,7 +12,7 @@
 //! - `panels`: labels, tracking, reconstruction, fusion, traits, timeline and the 3-D view.
 //! - `dialogs`: dialogs and their forms.
 //! - `action`, `menu`, `shortcuts`, `perform`: list of actions, and how they are started and
-//!   performed.
+//!   performed; `action_state` says which are available and why others are not.
 //! - `ranges`: changes of a label over a range of frames.
 //! - `opening`: dropped files, the form of a new project, recent projects and the example.
 //! - `option_names`: names of controls in place of options of the command line.
@@ -38,6 +38,7 @@
 //! ```
 
 mod action;
+mod action_state;
 mod arrangement;
 mod attention;
 mod canvas;
@@ -47,6 +48,8 @@ mod file_manager;
 mod icons;
 mod leave;
 mod menu;
+mod menu_entry;
+mod menu_name;
 mod notices;
 mod opening;
 mod option_names;
@@ -70,10 +73,11 @@ mod tooltips;
 mod view_state;
 mod window;
 
-pub use action::{Action, MenuName};
+pub use action::Action;
 pub use arrangement::{Arrangement, Pane};
 pub use canvas::{CanvasMap, Draft, Tool};
 pub use dialogs::{HelpPage, NewProjectForm, PathPicker, SourceKind};
+pub use menu_name::MenuName;
 pub use notices::{Notice, Notices, Severity};
 pub use opening::MakeExample;
 pub use panels::{InspectedPoint, SceneSelect, SelectShape};

@@ -158,6 +158,10 @@ pub struct LabelEditing {
     pub(super) focus: bool,
     pub(super) new_name: String,
     pub(super) parent: Option<LabelId>,
+    /// Text that the names of listed labels contain.
+    pub(super) filter: String,
+    /// Selected label, and the one selected before it.
+    selected: [Option<LabelId>; 2],
 }
 
 impl LabelEditing {
@@ -165,6 +169,18 @@ impl LabelEditing {
     pub fn rename(&mut self, label: LabelId, name: &str) {
         self.renaming = Some((label, name.into()));
         self.focus = true;
+    }
+
+    /// Remembers which label was selected before the current one.
+    pub(super) fn follow(&mut self, selected: Option<LabelId>) {
+        if self.selected[0] != selected {
+            self.selected = [selected, self.selected[0]];
+        }
+    }
+
+    /// Returns the label that was selected before the current one, if it still exists.
+    pub(super) fn previous(&self, tree: &LabelTree) -> Option<LabelId> {
+        self.selected[1].filter(|&label| tree.get(label).is_some())
     }
 }
 

@@ -6,10 +6,10 @@ use super::action::Requests;
 use super::centre::{Parts, centre_ui};
 use super::dialogs::{
     export_ui, exported_ui, help_ui, image_ui, into_ui, models_ui, new_project_ui, palette_ui,
-    path_ui, relocate_ui, sheet_ui, take_picked,
+    path_ui, preferences_ui, relocate_ui, take_picked,
 };
 use super::leave::{Leaving, leaving_ui, waiting_ui};
-use super::menu::{is_possible, menu_bar_ui};
+use super::menu::menu_bar_ui;
 use super::notices::notices_ui;
 use super::panels::{
     FILMSTRIP_HEIGHT, HEAT_HEIGHT, ROW, ScenePane, cloud_labels_ui, filmstrip_ui, heat_ui,
@@ -18,6 +18,7 @@ use super::panels::{
 };
 use super::perform::perform;
 use super::textures::Textures;
+use super::theme::AppliedLook;
 use super::tooltips::{icon_button, section_heading};
 use super::{Action, Dialog, Prefs, SessionView, ViewState};
 use ostra_session::{Command, JobView};
@@ -37,6 +38,7 @@ pub struct Shell {
     textures: Textures,
     scene: ScenePane,
     leaving: Leaving,
+    look: AppliedLook,
     /// Commands that were not issued in a panel.
     requested: Vec<Command>,
     /// Whether keys went to a menu, list or text field when the window was last drawn.
@@ -60,6 +62,7 @@ impl Shell {
             textures,
             scene,
             leaving: Leaving::default(),
+            look: AppliedLook::default(),
             requested: Vec::new(),
             took_keys: false,
         }
@@ -97,7 +100,9 @@ impl Shell {
     /// Draws the whole window and returns the commands that the user issued, in order.
     pub fn ui(&mut self, ui: &mut Ui, session: &SessionView<'_>) -> Vec<Command> {
         let mut requests = Requests::default();
+        self.look.follow(ui.ctx(), &mut self.view.prefs);
         self.view.keep_valid(session);
+        self.view.labels.follow(self.view.label);
         self.view.presence.update(session.project);
         self.view.draft.follow(session.project);
         keep_track_valid(session, &mut self.view);
@@ -299,7 +304,7 @@ impl Shell {
             Some(Dialog::Exported) => exported_ui(ui, view),
             Some(Dialog::Image) => image_ui(ui, view),
             Some(Dialog::Models) => models_ui(ui, session, view, &mut requests.commands),
-            Some(Dialog::Shortcuts) => sheet_ui(ui, view),
+            Some(Dialog::Preferences | Dialog::Shortcuts) => preferences_ui(ui, view),
             Some(Dialog::Palette) => palette_ui(ui, session, view, &mut requests.actions),
             Some(Dialog::Into(request)) => {
                 into_ui(ui, session, view, request, &mut requests.commands);
@@ -335,7 +340,7 @@ fn pressed(
     };
     // Tab goes from control to control once one has the keyboard, and where no panel can be hidden.
     let is_travelling = ctx.memory(|memory| memory.focused().is_some())
-        || !is_possible(Action::TogglePanels, session, view);
+        || !Action::TogglePanels.is_available(session, view);
     let action = |event: &Event| {
         let is_tab = matches!(event, Event::Key { key: Key::Tab, .. });
         view.prefs

@@ -1,4 +1,39 @@
-use egui::{Color32, Context, CornerRadius, Margin, Stroke, Style, Theme, Vec2};
+use egui::{Color32, Context, CornerRadius, Margin, Stroke, Style, Theme, ThemePreference, Vec2};
+
+use super::Prefs;
+
+/// Theme and size of the interface that were applied last.
+pub(super) struct AppliedLook {
+    theme: ThemePreference,
+    scale: f32,
+}
+
+impl Default for AppliedLook {
+    fn default() -> Self {
+        Self {
+            theme: ThemePreference::default(),
+            scale: 1.0,
+        }
+    }
+}
+
+impl AppliedLook {
+    /// Applies preferences that changed, and takes over what egui's own keys or memory changed.
+    pub(super) fn follow(&mut self, ctx: &Context, prefs: &mut Prefs) {
+        if prefs.theme == self.theme {
+            prefs.theme = ctx.options(|options| options.theme_preference);
+        } else {
+            ctx.set_theme(prefs.theme);
+        }
+        self.theme = prefs.theme;
+        if prefs.scale == self.scale {
+            prefs.scale = ctx.zoom_factor();
+        } else {
+            ctx.set_zoom_factor(prefs.scale);
+        }
+        self.scale = prefs.scale;
+    }
+}
 
 /// Sets the dark and light theme: muted greys, one accent colour, uniform spacing.
 pub fn set_theme(ctx: &Context) {

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use super::canvas::{Draft, Tool, ZoomState};
 use super::dialogs::{
-    ExportForm, HelpPage, ImageForm, ModelsForm, NewProjectForm, PathPicker, PathRequest,
-    RelocateForm, ScreenshotRequest, SheetState,
+    ExportForm, HelpPage, ImageForm, ModelsForm, NewProjectForm, PaletteState, PathPicker,
+    PathRequest, RelocateForm, ScreenshotRequest, SheetState,
 };
 use super::panel_state::{LabelEditing, MatchView, PointCounts, Presence, TextPrompt};
 use super::panels::{InspectedPoint, MeasureView, Ruler, SceneSelect};
@@ -31,6 +31,8 @@ pub struct ViewState {
     pub masks_shown: bool,
     /// Hidden labels. Their descendants are hidden too.
     pub hidden: BTreeSet<LabelId>,
+    /// Whether the image shows the mask of the selected label only.
+    pub only_label: bool,
     /// What the point colours encode.
     pub coloring: Coloring,
     /// Clipping, isolation and label level of the 3-D view.
@@ -107,8 +109,8 @@ pub struct ViewState {
     pub sheet: SheetState,
     /// Text and minimum score of the search by text.
     pub text_prompt: TextPrompt,
-    /// Text typed in the palette.
-    pub palette_text: String,
+    /// State of the palette.
+    pub palette: PaletteState,
     /// Edits in progress in the label list.
     pub labels: LabelEditing,
     /// Labels present on each frame.
@@ -216,6 +218,8 @@ pub enum Dialog {
     Image,
     /// Lists and installs networks.
     Models,
+    /// Shows and changes preferences.
+    Preferences,
     /// Shows and changes shortcuts.
     Shortcuts,
     /// Searches the list of actions.
@@ -249,6 +253,7 @@ impl ViewState {
             label: None,
             masks_shown: true,
             hidden: BTreeSet::new(),
+            only_label: false,
             coloring: Coloring::Rgb,
             scene: SceneLook::default(),
             shown: Shown::Points,
@@ -287,7 +292,7 @@ impl ViewState {
             dismisses_unfinished: false,
             sheet: SheetState::default(),
             text_prompt: TextPrompt::default(),
-            palette_text: String::new(),
+            palette: PaletteState::default(),
             labels: LabelEditing::default(),
             presence: Presence::default(),
             instances: None,

@@ -36,9 +36,13 @@ mod matches;
 #[cfg(test)]
 mod measures;
 #[cfg(test)]
+mod menus;
+#[cfg(test)]
 mod opening;
 #[cfg(test)]
 mod panels;
+#[cfg(test)]
+mod preferences;
 #[cfg(test)]
 mod running;
 #[cfg(test)]

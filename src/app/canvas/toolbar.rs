@@ -2,11 +2,14 @@ use egui::{ComboBox, Slider, Ui};
 
 use super::draft::Tool;
 use crate::icons::{Icon, IconButton};
-use crate::menu::is_possible;
 use crate::pane_buttons::pane_buttons_ui;
 use crate::tool_row::{ICON, IN_MENU, Slot, tool_row};
+use crate::tooltips::add_explained;
 use crate::{Action, SessionView, ViewState};
 use ostra_view::Layer;
+
+const NO_BRUSH: &str = "Choose the brush or the eraser first";
+const NO_MASKS: &str = "Show the masks first";
 
 /// ImageTool of the tool row above the image.
 #[derive(Clone, Copy)]
@@ -72,7 +75,7 @@ pub(super) fn toolbar_ui(
                 name: &action.text(),
                 tip: &view.prefs.shortcuts.tip(ui.ctx(), action),
                 selected: None,
-                enabled: is_possible(action, session, view),
+                unavailable: action.unavailable(session, view),
             };
             if button.show(ui, matches!(slot, Slot::Menu(_))).clicked() {
                 actions.push(action);
@@ -113,7 +116,7 @@ fn item_ui(
                 name,
                 tip: &tip,
                 selected: None,
-                enabled: true,
+                unavailable: None,
             };
             if button.show(ui, in_menu).clicked() {
                 actions.push(action);
@@ -144,7 +147,7 @@ fn tool_ui(ui: &mut Ui, view: &mut ViewState, tool: Tool, in_menu: bool) {
         name: tool.text(),
         tip: &format!("{}: {tip}", tool.text()),
         selected: Some(view.tool == tool),
-        enabled: true,
+        unavailable: None,
     };
     if button.show(ui, in_menu).clicked() {
         view.tool = tool;
@@ -161,10 +164,8 @@ fn radius_ui(ui: &mut Ui, view: &mut ViewState) {
         .max_decimals(1);
     let tip = "Radius of the brush (Shift+wheel over the image)";
     ui.spacing_mut().interact_size.x = 54.0;
-    ui.add_enabled(brush, size)
-        .on_hover_text(tip)
-        .on_disabled_hover_text(format!("{tip}; choose the brush or eraser first"))
-        .accessible_name("Brush radius");
+    let reason = (!brush).then_some(NO_BRUSH);
+    add_explained(ui, size, tip, reason).accessible_name("Brush radius");
 }
 
 /// Draws a switch of the masks, the outlines or the snapping of the brush.
@@ -175,10 +176,10 @@ fn switch_ui(ui: &mut Ui, view: &mut ViewState, item: ImageTool, in_menu: bool) 
         _ => (Icon::Outline, "Outlines", Action::ToggleOutlines),
     };
     let is_brush = matches!(view.tool, Tool::Brush | Tool::Eraser);
-    let enabled = match item {
-        ImageTool::Snap => is_brush,
-        ImageTool::Masks => true,
-        _ => view.masks_shown,
+    let unavailable = match item {
+        ImageTool::Snap => (!is_brush).then_some(NO_BRUSH),
+        ImageTool::Masks => None,
+        _ => (!view.masks_shown).then_some(NO_MASKS),
     };
     let tip = view.prefs.shortcuts.tip(ui.ctx(), action);
     let value = match item {
@@ -191,7 +192,7 @@ fn switch_ui(ui: &mut Ui, view: &mut ViewState, item: ImageTool, in_menu: bool) 
         name,
         tip: &format!("{name}: {tip}"),
         selected: Some(*value),
-        enabled,
+        unavailable,
     };
     if button.show(ui, in_menu).clicked() {
         *value = !*value;
@@ -215,9 +216,8 @@ fn clean_size_ui(ui: &mut Ui, view: &mut ViewState) {
 fn opacity_ui(ui: &mut Ui, view: &mut ViewState) {
     let slider = Slider::new(&mut view.prefs.opacity, 0.0..=1.0).show_value(false);
     ui.spacing_mut().slider_width = 56.0;
-    ui.add_enabled(view.masks_shown, slider)
-        .on_hover_text("Opacity of the masks")
-        .accessible_name("Mask opacity");
+    let reason = (!view.masks_shown).then_some(NO_MASKS);
+    add_explained(ui, slider, "Opacity of the masks", reason).accessible_name("Mask opacity");
 }
 
 /// Draws the choice of the shown layer.
