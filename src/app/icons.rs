@@ -25,6 +25,7 @@ pub(super) enum Icon {
     Specks,
     Frustum,
     Picture,
+    Contrast,
     Links,
     Sliders,
     Clip,
@@ -116,6 +117,7 @@ pub(super) fn paint_icon(painter: &Painter, at: Pos2, icon: Icon, color: Color32
         | Icon::Outline
         | Icon::Holes
         | Icon::Specks
+        | Icon::Contrast
         | Icon::Picture => pen.image(icon),
         Icon::Frustum
         | Icon::Links
@@ -267,6 +269,15 @@ impl Pen<'_> {
             Icon::Holes => {
                 self.circle(0.0, 0.0, 6.0);
                 self.dot(0.0, 0.0, 2.6);
+            }
+            Icon::Contrast => {
+                self.circle(0.0, 0.0, 6.0);
+                let half = (-8..=8).map(|k| {
+                    let angle = std::f32::consts::FRAC_PI_2 * k as f32 / 8.0;
+                    self.at + 6.0 * Vec2::angled(angle)
+                });
+                let half = Shape::convex_polygon(half.collect(), self.stroke.color, Stroke::NONE);
+                self.painter.add(half);
             }
             Icon::Specks => {
                 self.circle(-2.0, 1.0, 4.2);

@@ -1,6 +1,7 @@
 use egui::{MenuBar, Ui};
 
 use super::action::Requests;
+use super::icons::{Icon, paint_icon};
 use super::menu_entry::{indented, menu_entry_ui};
 use super::menu_name::MenuName;
 use super::tooltips::{action_button, explained};
@@ -14,14 +15,17 @@ const RECENT: usize = 10;
 pub(super) fn menu_bar_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
-    view: &ViewState,
+    view: &mut ViewState,
     requests: &mut Requests,
 ) {
     MenuBar::new().ui(ui, |ui| {
         for menu in MenuName::BAR {
-            ui.menu_button(menu.text(), |ui| {
+            let button = ui.menu_button(menu.text(), |ui| {
                 menu_ui(ui, menu, session, view, requests);
             });
+            if std::mem::take(&mut view.focuses_menu) {
+                button.response.request_focus();
+            }
         }
         ui.separator();
         undo_redo_ui(ui, session, view, &mut requests.actions);
@@ -119,22 +123,13 @@ fn recent_ui(ui: &mut Ui, session: &SessionView<'_>, out: &mut Vec<Command>) {
     });
 }
 
-/// Draws the theme button, a half-filled disc.
+/// Draws the theme button.
 fn theme_button_ui(ui: &mut Ui, view: &ViewState) -> egui::Response {
     let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::ToggleTheme);
     let (rect, response) = ui.allocate_exact_size(egui::vec2(22.0, 20.0), egui::Sense::click());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, "Dark theme"));
     let color = ui.style().interact(&response).text_color();
-    let (at, radius) = (rect.center(), 5.5);
-    ui.painter()
-        .circle_stroke(at, radius, egui::Stroke::new(1.3, color));
-    let half = (-8..=8)
-        .map(|k| at + radius * egui::Vec2::angled(std::f32::consts::FRAC_PI_2 * k as f32 / 8.0));
-    ui.painter().add(egui::Shape::convex_polygon(
-        half.collect(),
-        color,
-        egui::Stroke::NONE,
-    ));
+    paint_icon(ui.painter(), rect.center(), Icon::Contrast, color);
     response.on_hover_text(tip)
 }
 

@@ -160,6 +160,8 @@ pub struct LabelEditing {
     pub(super) parent: Option<LabelId>,
     /// Text that the names of listed labels contain.
     pub(super) filter: String,
+    /// Whether the list scrolls to the selected label on its next draw.
+    pub(super) reveal: bool,
     /// Selected label, and the one selected before it.
     selected: [Option<LabelId>; 2],
 }
@@ -175,6 +177,7 @@ impl LabelEditing {
     pub(super) fn follow(&mut self, selected: Option<LabelId>) {
         if self.selected[0] != selected {
             self.selected = [selected, self.selected[0]];
+            self.reveal = true;
         }
     }
 

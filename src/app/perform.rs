@@ -248,6 +248,7 @@ fn look_differently(action: Action, ctx: &Context, view: &mut ViewState) {
             view.layer = Layer::ALL[next % Layer::ALL.len()];
         }
         Action::ToggleOutlines => view.prefs.outlines = !view.prefs.outlines,
+        Action::FocusMenu => view.focuses_menu = true,
         Action::OnlyLabel => view.only_label = !view.only_label,
         Action::ShowBoth => view.prefs.panes = Panes::Both,
         Action::ShowImage => view.prefs.panes = Panes::Image,

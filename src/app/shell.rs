@@ -8,6 +8,7 @@ use super::dialogs::{
     export_ui, exported_ui, help_ui, image_ui, into_ui, models_ui, new_project_ui, palette_ui,
     path_ui, preferences_ui, relocate_ui, take_picked,
 };
+use super::focus_ring::FocusRing;
 use super::leave::{Leaving, leaving_ui, waiting_ui};
 use super::menu::menu_bar_ui;
 use super::notices::notices_ui;
@@ -39,6 +40,7 @@ pub struct Shell {
     scene: ScenePane,
     leaving: Leaving,
     look: AppliedLook,
+    focus_ring: FocusRing,
     /// Commands that were not issued in a panel.
     requested: Vec<Command>,
     /// Whether keys went to a menu, list or text field when the window was last drawn.
@@ -63,6 +65,7 @@ impl Shell {
             scene,
             leaving: Leaving::default(),
             look: AppliedLook::default(),
+            focus_ring: FocusRing::default(),
             requested: Vec::new(),
             took_keys: false,
         }
@@ -128,6 +131,7 @@ impl Shell {
             drop_hint_ui(ui);
         }
         notices_ui(ui, &mut self.view.notices);
+        self.focus_ring.ui(ui.ctx());
         self.took_keys = takes_keys(ui.ctx());
         let Requests {
             mut commands,
@@ -155,7 +159,7 @@ impl Shell {
             .inner_margin(Margin::symmetric(8, 2));
         Panel::top("menu")
             .frame(bar)
-            .show(ui, |ui| menu_bar_ui(ui, session, &self.view, requests));
+            .show(ui, |ui| menu_bar_ui(ui, session, &mut self.view, requests));
         if session.unfinished.is_some() || self.leaving.is_waiting() {
             Panel::top("pending").frame(bar).show(ui, |ui| {
                 waiting_ui(ui, &mut self.leaving);

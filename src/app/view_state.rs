@@ -11,7 +11,7 @@ use super::panel_state::{LabelEditing, MatchView, PointCounts, Presence, TextPro
 use super::panels::{InspectedPoint, MeasureView, Ruler, SceneSelect};
 use super::pointer::HoverDwell;
 use super::steps_state::StepsState;
-use super::{Notices, Panes, Prefs, SceneLook, SessionView};
+use super::{Notices, Panes, Prefs, SceneLook, SessionView, Tone};
 use ostra_masks::{Direction, LabelId, MaskFormat};
 use ostra_project::{FuseRequest, ReconstructRequest};
 use ostra_session::{ExportedItem, InstancesRequest, PromptRequest, SurfaceKind, TrackSettings};
@@ -111,6 +111,8 @@ pub struct ViewState {
     pub text_prompt: TextPrompt,
     /// State of the palette.
     pub palette: PaletteState,
+    /// Whether the menu bar takes the keyboard on its next draw.
+    pub focuses_menu: bool,
     /// Edits in progress in the label list.
     pub labels: LabelEditing,
     /// Labels present on each frame.
@@ -143,6 +145,8 @@ pub struct ViewState {
     has_shown_labels: bool,
     /// Layer of the frame to show: image, depth, normals or confidence.
     pub layer: Layer,
+    /// Brightness and contrast of the shown image.
+    pub tone: Tone,
     /// Place where the pointer rests over the image.
     pub rest: Option<HoverDwell>,
     /// Prompt that a click at the pointer would send, for the preview.
@@ -293,6 +297,7 @@ impl ViewState {
             sheet: SheetState::default(),
             text_prompt: TextPrompt::default(),
             palette: PaletteState::default(),
+            focuses_menu: false,
             labels: LabelEditing::default(),
             presence: Presence::default(),
             instances: None,
@@ -309,6 +314,7 @@ impl ViewState {
             steps: StepsState::default(),
             has_shown_labels: false,
             layer: Layer::Image,
+            tone: Tone::default(),
             rest: None,
             hover_request: None,
             pointer_px: None,
@@ -431,6 +437,12 @@ impl ViewState {
     #[must_use]
     pub fn frames_meant(&self) -> (usize, usize) {
         self.range.unwrap_or((self.frame, self.frame))
+    }
+
+    /// Returns the only label that the image shows, with its child labels; `None` shows all.
+    #[must_use]
+    pub fn shown_label(&self) -> Option<LabelId> {
+        self.label.filter(|_| self.only_label)
     }
 
     /// Empties the field of a dialog with a single path field.

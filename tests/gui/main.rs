@@ -12,6 +12,8 @@ mod data;
 mod generated_page;
 
 #[cfg(test)]
+mod accessibility;
+#[cfg(test)]
 mod book;
 #[cfg(test)]
 mod canvas;
@@ -29,6 +31,8 @@ mod inspector;
 mod instances;
 #[cfg(test)]
 mod keys;
+#[cfg(test)]
+mod labels;
 #[cfg(test)]
 mod layout;
 #[cfg(test)]
@@ -57,3 +61,5 @@ mod story;
 mod text_prompts;
 #[cfg(test)]
 mod timeline;
+#[cfg(test)]
+mod tone;

@@ -83,7 +83,11 @@ fn unavailable_actions_say_why_and_do_nothing() {
                 Action::Undo => continue,
                 _ => action.text(),
             };
-            let row = harness.get_by_role_and_label(Role::Button, &text);
+            // Other controls may have the same name; rows of the palette are the widest.
+            let row = harness
+                .get_all_by_role_and_label(Role::Button, &text)
+                .max_by(|a, b| a.rect().width().total_cmp(&b.rect().width()))
+                .unwrap();
             let node = row.accesskit_node();
             if !node.is_disabled() {
                 continue;

@@ -3,11 +3,13 @@ use egui::{ComboBox, Slider, Ui};
 use super::draft::Tool;
 use crate::icons::{Icon, IconButton};
 use crate::pane_buttons::pane_buttons_ui;
-use crate::tool_row::{ICON, IN_MENU, Slot, tool_row};
+use crate::tool_row::{ICON, IN_MENU, Slot, icon_menu, tool_row};
 use crate::tooltips::add_explained;
-use crate::{Action, SessionView, ViewState};
+use crate::{Action, SessionView, Tone, ViewState};
 use ostra_view::Layer;
 
+/// Name of the menu of brightness and contrast.
+const TONE: &str = "Brightness and contrast";
 const NO_BRUSH: &str = "Choose the brush or the eraser first";
 const NO_MASKS: &str = "Show the masks first";
 
@@ -21,6 +23,7 @@ enum ImageTool {
     View(Action),
     Zoom,
     Layer,
+    Tone,
     Masks,
     Opacity,
     Outlines,
@@ -28,7 +31,7 @@ enum ImageTool {
     CleanSize,
 }
 
-const ITEMS: [(ImageTool, f32); 19] = [
+const ITEMS: [(ImageTool, f32); 20] = [
     (ImageTool::Tool(Tool::Click), ICON),
     (ImageTool::Tool(Tool::Brush), ICON),
     (ImageTool::Tool(Tool::Eraser), ICON),
@@ -42,6 +45,7 @@ const ITEMS: [(ImageTool, f32); 19] = [
     (ImageTool::Masks, ICON),
     (ImageTool::Outlines, ICON),
     (ImageTool::Layer, 82.0),
+    (ImageTool::Tone, ICON),
     (ImageTool::BrushRadius, 56.0),
     (ImageTool::Opacity, 60.0),
     (ImageTool::Snap, IN_MENU),
@@ -123,6 +127,7 @@ fn item_ui(
             }
         }
         ImageTool::Layer => layer_ui(ui, view),
+        ImageTool::Tone => tone_menu_ui(ui, view, in_menu),
         ImageTool::Opacity => opacity_ui(ui, view),
         ImageTool::CleanSize => clean_size_ui(ui, view),
         ImageTool::Snap | ImageTool::Masks | ImageTool::Outlines => {
@@ -218,6 +223,43 @@ fn opacity_ui(ui: &mut Ui, view: &mut ViewState) {
     ui.spacing_mut().slider_width = 56.0;
     let reason = (!view.masks_shown).then_some(NO_MASKS);
     add_explained(ui, slider, "Opacity of the masks", reason).accessible_name("Mask opacity");
+}
+
+/// Draws the menu of brightness and contrast, with a dot while they are changed.
+fn tone_menu_ui(ui: &mut Ui, view: &mut ViewState, in_menu: bool) {
+    if in_menu {
+        ui.collapsing(TONE, |ui| tone_ui(ui, view));
+        return;
+    }
+    let is_changed = view.tone != Tone::default();
+    let menu = icon_menu(ui, Icon::Contrast, TONE, |ui| tone_ui(ui, view));
+    if is_changed {
+        let at = menu.rect.right_top() + egui::vec2(-4.0, 4.0);
+        ui.painter()
+            .circle_filled(at, 3.0, ui.visuals().warn_fg_color);
+    }
+    menu.on_hover_text("Brightness and contrast of the shown image; files and masks keep theirs");
+}
+
+fn tone_ui(ui: &mut Ui, view: &mut ViewState) {
+    let other = (view.layer != Layer::Image).then_some("Show the layer Image first");
+    let tone = &mut view.tone;
+    for (name, value) in [
+        ("Brightness", &mut tone.brightness),
+        ("Contrast", &mut tone.contrast),
+    ] {
+        ui.horizontal(|ui| {
+            ui.add_sized([70.0, 18.0], egui::Label::new(name));
+            let slider = Slider::new(value, -1.0..=1.0).show_value(false);
+            let tip = format!("{name} of the shown image");
+            add_explained(ui, slider, &tip, other).accessible_name(name);
+        });
+    }
+    let same = (*tone == Tone::default()).then_some("Brightness and contrast are not changed");
+    let reset = egui::Button::new("Reset");
+    if add_explained(ui, reset, "Show the image as it is", same).clicked() {
+        *tone = Tone::default();
+    }
 }
 
 /// Draws the choice of the shown layer.

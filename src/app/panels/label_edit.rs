@@ -113,6 +113,14 @@ pub(super) fn label_menu_ui(
     {
         view.labels.parent = Some(label.id);
     }
+    if ui
+        .button("Show only this label")
+        .on_hover_text("Select the label and hide the other masks on the image")
+        .clicked()
+    {
+        view.label = Some(label.id);
+        view.only_label = true;
+    }
     ui.menu_button("Move under", |ui| move_ui(ui, session, out, label))
         .response
         .on_hover_text("Make the label a child of another label");
