@@ -33,7 +33,10 @@ pub(super) fn menu_bar_ui(
             if theme_button_ui(ui, view).clicked() {
                 requests.actions.push(Action::ToggleTheme);
             }
-            ui.weak(title(session));
+            let title = title(session);
+            if !title.is_empty() {
+                ui.weak(title);
+            }
         });
     });
 }

@@ -57,7 +57,9 @@ fn entries_of_submenus_perform_their_actions() {
     let mut harness = Desk::sample().shown();
     open_menu(&mut harness, "View");
     open_menu(&mut harness, "Layout");
-    harness.get_by_label("Image only").click();
+    harness
+        .get_by_role_and_label(Role::CheckBox, "Image only")
+        .click();
     harness.run_steps(3);
     assert_eq!(
         harness.state().shell.view.prefs.panes,

@@ -110,13 +110,14 @@ fn shortcuts_are_a_page_that_can_be_searched() {
     harness.get_by_label("Shortcut of Fuse: U");
     harness.get_by_label("Search shortcuts").focus();
     harness.run_steps(2);
-    harness.event(Event::Text("polygon".into()));
+    harness.event(Event::Text("fuse label vote".into()));
     harness.run_steps(3);
-    assert!(harness.query_by_label("Shortcut of Fuse: U").is_none());
-    harness.get_by_label("Shortcut of Polygon tool: G").click();
+    let polygon = "Shortcut of Polygon tool: G";
+    assert!(harness.query_by_label(polygon).is_none());
+    harness.get_by_label("Shortcut of Fuse: U").click();
     harness.run_steps(2);
     press(&mut harness, Modifiers::NONE, Key::F11);
-    harness.get_by_label("Shortcut of Polygon tool: F11");
+    harness.get_by_label("Shortcut of Fuse: F11");
     let key = stored(&harness).shortcuts;
     assert_eq!(key, harness.state().shell.view.prefs.shortcuts);
     assert!(key.is_changed());
