@@ -2,6 +2,7 @@ use egui::{Key, KeyboardShortcut, Modifiers};
 use serde::{Deserialize, Serialize};
 
 use super::Tool;
+use super::menu_name::MenuName;
 use ostra_session::Command;
 use ostra_view::Side;
 
@@ -37,6 +38,8 @@ pub enum Action {
     Close,
     /// Quits the program.
     Quit,
+    /// Opens the preferences.
+    Preferences,
     /// Undoes the last step.
     Undo,
     /// Redoes the last undone step.
@@ -45,6 +48,8 @@ pub enum Action {
     AddLabel,
     /// Selects the n-th label, 1–9.
     ChooseLabel(u8),
+    /// Selects the label that was selected before.
+    PreviousLabel,
     /// Adds an include click at the pointer.
     IncludeHere,
     /// Adds an exclude click at the pointer.
@@ -170,6 +175,8 @@ pub enum Action {
     ToggleHover,
     /// Shows or hides outlines.
     ToggleOutlines,
+    /// Shows the mask of the selected label only, or of all labels.
+    OnlyLabel,
     /// Shows the image and the 3-D view.
     ShowBoth,
     /// Shows only the image.
@@ -197,6 +204,8 @@ pub enum Action {
     ToggleTurntable,
     /// Switches between the dark and light theme.
     ToggleTheme,
+    /// Gives the keyboard to the menu bar.
+    FocusMenu,
     /// Opens the searchable list of actions.
     Palette,
     /// Opens the shortcut sheet.
@@ -209,52 +218,6 @@ pub enum Action {
     ReportProblem,
     /// Shows version, licence and what the program runs on.
     About,
-}
-
-/// Menus of the menu bar.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum MenuName {
-    /// Projects and files.
-    File,
-    /// Undo, labels, masks.
-    Edit,
-    /// Changes of a label over a range of frames.
-    Range,
-    /// Appearance of the image and the 3-D view.
-    View,
-    /// Navigation between frames.
-    Go,
-    /// Long-running jobs.
-    Run,
-    /// Palette and shortcut sheet.
-    Help,
-}
-
-impl MenuName {
-    /// All menus, from left to right.
-    pub const ALL: [Self; 7] = [
-        Self::File,
-        Self::Edit,
-        Self::Range,
-        Self::View,
-        Self::Go,
-        Self::Run,
-        Self::Help,
-    ];
-
-    /// Returns the name shown in the menu bar.
-    #[must_use]
-    pub fn text(self) -> &'static str {
-        match self {
-            Self::File => "File",
-            Self::Edit => "Edit",
-            Self::Range => "Range",
-            Self::View => "View",
-            Self::Go => "Go",
-            Self::Run => "Run",
-            Self::Help => "Help",
-        }
-    }
 }
 
 /// What the user requested while a frame of the window was drawn, in order.
@@ -293,7 +256,7 @@ impl Action {
         row(self).and_then(|row| row.menu)
     }
 
-    /// Returns `true` if a separator is drawn above the action in its menu.
+    /// Returns `true` if a separator is drawn above the action, or above the submenu that it begins.
     #[must_use]
     pub fn starts_group(self) -> bool {
         row(self).is_some_and(|row| row.line)
@@ -356,6 +319,11 @@ const FILE: Option<MenuName> = Some(MenuName::File);
 const EDIT: Option<MenuName> = Some(MenuName::Edit);
 const RANGE: Option<MenuName> = Some(MenuName::Range);
 const VIEW: Option<MenuName> = Some(MenuName::View);
+const TOOLS: Option<MenuName> = Some(MenuName::Tools);
+const POINTS: Option<MenuName> = Some(MenuName::Points);
+const VOTE: Option<MenuName> = Some(MenuName::Vote);
+const LAYOUT: Option<MenuName> = Some(MenuName::Layout);
+const SCENE: Option<MenuName> = Some(MenuName::Viewpoint);
 const GO: Option<MenuName> = Some(MenuName::Go);
 const RUN: Option<MenuName> = Some(MenuName::Run);
 const HELP: Option<MenuName> = Some(MenuName::Help);
@@ -380,17 +348,30 @@ const LIST: &[Row] = {
         A::Undo, EDIT, false, "Undo", "Undo the last step", ctrl(Key::Z);
         A::Redo, EDIT, false, "Redo", "Redo the last undone step", ctrl_shift(Key::Z);
         A::AddLabel, EDIT, true, "Add label", "Add a label and select it", plain(Key::N);
+        A::PreviousLabel, EDIT, false, "Previous label", "Select the label that was selected before this one", plain(Key::Minus);
         A::IncludeHere, EDIT, true, "Include at pointer", "Include the pixel under the pointer in the label", plain(Key::Q);
         A::ExcludeHere, EDIT, false, "Exclude at pointer", "Exclude the pixel under the pointer from the label", plain(Key::E);
         A::ClearLabelHere, EDIT, false, "Remove label from this frame", "Remove the selected label's prompts and pixels from this frame", plain(Key::Delete);
         A::ClearFrame, EDIT, false, "Clear this frame", "Remove all prompts and the whole mask from this frame", shift(Key::Delete);
         A::MakeKeyframe, EDIT, false, "Make this frame a keyframe", "Confirm the mask as it is; trackers no longer change it", plain(Key::C);
-        A::AcceptVote, EDIT, false, "Use the 3-D vote on this frame", "Replace this frame's mask by the vote of all views and make it a keyframe", shift(Key::A);
-        A::AcceptLabelVote, EDIT, false, "Use the 3-D vote for this label", "Replace only the selected label's pixels by the vote of all views", ctrl_shift(Key::A);
-        A::ChoosePoints, EDIT, true, "Select points in 3-D", "Drag in the 3-D view to select visible points and correct their label in all masks", shift(Key::S);
-        A::AssignChosen, EDIT, false, "Assign label to selected points", "Give the selected points the selected label, in every mask that shows them", shift(Key::Enter);
-        A::ClearChosen, EDIT, false, "Clear label of selected points", "Remove the label of the selected points, in every mask that shows them", shift(Key::Backspace);
-        A::AttachFragments, EDIT, false, "Attach loose fragments", "Give unlabelled fragments the label of the object that they are attached to, in every mask that shows them", None;
+        A::FillHoles, EDIT, true, "Fill holes of label", "Fill holes of the selected label on this frame that are smaller than the size in the menu of tools", shift(Key::H);
+        A::RemoveIslands, EDIT, false, "Remove specks of label", "Remove parts of the selected label on this frame that are smaller than the size in the menu of tools; the largest part is kept", shift(Key::K);
+        A::AcceptVote, VOTE, true, "Use the 3-D vote on this frame", "Replace this frame's mask by the vote of all views and make it a keyframe", shift(Key::A);
+        A::AcceptLabelVote, VOTE, false, "Use the 3-D vote for this label", "Replace only the selected label's pixels by the vote of all views", ctrl_shift(Key::A);
+        A::ChoosePoints, POINTS, false, "Select points in 3-D", "Drag in the 3-D view to select visible points and correct their label in all masks", shift(Key::S);
+        A::AssignChosen, POINTS, false, "Assign label to selected points", "Give the selected points the selected label, in every mask that shows them", shift(Key::Enter);
+        A::ClearChosen, POINTS, false, "Clear label of selected points", "Remove the label of the selected points, in every mask that shows them", shift(Key::Backspace);
+        A::AttachFragments, POINTS, false, "Attach loose fragments", "Give unlabelled fragments the label of the object that they are attached to, in every mask that shows them", None;
+        A::UseTool(Tool::Click), TOOLS, false, "Click and box tool", "Left click to include, right click to exclude, drag for a box", plain(Key::V);
+        A::UseTool(Tool::Brush), TOOLS, false, "Brush tool", "Paint the selected label; Ctrl or right button erases, Shift+wheel sets the size", plain(Key::P);
+        A::UseTool(Tool::Eraser), TOOLS, false, "Eraser tool", "Erase the selected label; Shift+wheel sets the size", plain(Key::X);
+        A::UseTool(Tool::Polygon), TOOLS, false, "Polygon tool", "Click corners or draw an outline; Enter or double-click fills it (with Ctrl erases), Backspace or right click removes the last corner", plain(Key::G);
+        A::UseTool(Tool::Border), TOOLS, false, "Move border tool", "Press on the border of the selected label and drag it to the right place", shift(Key::G);
+        A::UseTool(Tool::Stem), TOOLS, false, "Stem and wire tool", "Click two or more points along a stem or wire; Enter or double-click traces it, Backspace or right click removes the last point", plain(Key::W);
+        A::SmallerBrush, TOOLS, true, "Smaller brush", "Make the brush smaller", plain(Key::OpenBracket);
+        A::LargerBrush, TOOLS, false, "Larger brush", "Make the brush larger", plain(Key::CloseBracket);
+        A::ToggleSnap, TOOLS, false, "Snap brush to edges", "Stop the brush at image edges that the inner half of its radius does not cross", plain(Key::S);
+        A::Preferences, EDIT, true, "Preferences…", "Set theme, size of the interface, previews, processor and shortcuts", ctrl(Key::Comma);
         A::RangeFrom, RANGE, false, "Start range here", "Make this frame the first frame of the range", plain(Key::I);
         A::RangeTo, RANGE, false, "End range here", "Make this frame the last frame of the range", shift(Key::I);
         A::DropRange, RANGE, false, "Clear range", "Apply changes to the current frame only", ctrl(Key::I);
@@ -398,52 +379,42 @@ const LIST: &[Row] = {
         A::RestoreRange, RANGE, false, "Restore label in range", "Let tracking add the label again in this range", ctrl_shift(Key::Delete);
         A::AppearsHere, RANGE, false, "Label appears here", "Remove the label before this frame, back to the last keyframe that shows it", plain(Key::Comma);
         A::GoneFromHere, RANGE, false, "Label disappears here", "Remove the label from this frame on, up to the next keyframe that shows it", plain(Key::Period);
-        A::LockRange, RANGE, true, "Lock or unlock label in range", "Protect the label's pixels from tracking and from every edit", plain(Key::K);
-        A::HideRange, RANGE, false, "Hide or show label in range", "Keep the label's pixels but leave them out of display, votes and exports", plain(Key::H);
+        A::LockRange, RANGE, true, "Lock label in range", "Protect the label's pixels from tracking and from every edit", plain(Key::K);
+        A::HideRange, RANGE, false, "Hide label in range", "Keep the label's pixels but leave them out of display, votes and exports", plain(Key::H);
         A::MergeRange, RANGE, true, "Merge label in range…", "Turn the label's pixels and prompts into another label", plain(Key::J);
         A::SplitRange, RANGE, false, "Split label in range…", "Turn the part under the pointer into another label, followed through the range", shift(Key::J);
         A::InterpolateRange, RANGE, false, "Interpolate label in range", "Interpolate the label's shape between the first and the last frame of the range", plain(Key::Y);
         A::CopyMask, RANGE, true, "Copy mask of label", "Copy the selected label's mask on this frame", shift(Key::C);
         A::PasteMask, RANGE, false, "Paste mask of label", "Paste the copied mask onto the range; its frames become keyframes", shift(Key::V);
-        A::FillHoles, EDIT, true, "Fill holes of label", "Fill holes of the selected label on this frame that are smaller than the size in the menu of tools", shift(Key::H);
-        A::RemoveIslands, EDIT, false, "Remove specks of label", "Remove parts of the selected label on this frame that are smaller than the size in the menu of tools; the largest part is kept", shift(Key::K);
-        A::UseTool(Tool::Click), EDIT, true, "Click and box tool", "Left click to include, right click to exclude, drag for a box", plain(Key::V);
-        A::UseTool(Tool::Brush), EDIT, false, "Brush tool", "Paint the selected label; Ctrl or right button erases, Shift+wheel sets the size", plain(Key::P);
-        A::UseTool(Tool::Eraser), EDIT, false, "Eraser tool", "Erase the selected label; Shift+wheel sets the size", plain(Key::X);
-        A::UseTool(Tool::Polygon), EDIT, false, "Polygon tool", "Click corners or draw an outline; Enter or double-click fills it (with Ctrl erases), Backspace or right click removes the last corner", plain(Key::G);
-        A::UseTool(Tool::Border), EDIT, false, "Move border tool", "Press on the border of the selected label and drag it to the right place", shift(Key::G);
-        A::UseTool(Tool::Stem), EDIT, false, "Stem and wire tool", "Click two or more points along a stem or wire; Enter or double-click traces it, Backspace or right click removes the last point", plain(Key::W);
-        A::SmallerBrush, EDIT, false, "Smaller brush", "Make the brush smaller", plain(Key::OpenBracket);
-        A::LargerBrush, EDIT, false, "Larger brush", "Make the brush larger", plain(Key::CloseBracket);
-        A::ToggleSnap, EDIT, false, "Snap brush to edges", "Stop the brush at image edges that the inner half of its radius does not cross", plain(Key::S);
-        A::ShowBoth, VIEW, false, "Image and 3-D", "Show image and 3-D view next to each other", ctrl(Key::Num1);
-        A::ShowImage, VIEW, false, "Image only", "Show only the image", ctrl(Key::Num2);
-        A::ShowScene, VIEW, false, "3-D only", "Show only the 3-D view", ctrl(Key::Num3);
-        A::TogglePanels, VIEW, false, "Hide panels", "Hide or show side panel, timeline and filmstrip", plain(Key::Tab);
-        A::SwapPanes, VIEW, true, "Swap panes", "Swap the places of image and 3-D view", None;
-        A::StackPanes, VIEW, false, "Stack panes", "Place image and 3-D view on top of each other, or side by side again", None;
-        A::MovePanel, VIEW, false, "Side panel on the other side", "Move labels and steps to the other side of the window", None;
+        A::ShowBoth, LAYOUT, false, "Image and 3-D", "Show image and 3-D view next to each other", ctrl(Key::Num1);
+        A::ShowImage, LAYOUT, false, "Image only", "Show only the image", ctrl(Key::Num2);
+        A::ShowScene, LAYOUT, false, "3-D only", "Show only the 3-D view", ctrl(Key::Num3);
+        A::TogglePanels, LAYOUT, true, "Hide panels", "Hide or show side panel, timeline and filmstrip", plain(Key::Tab);
+        A::SwapPanes, LAYOUT, true, "Swap panes", "Swap the places of image and 3-D view", None;
+        A::StackPanes, LAYOUT, false, "Stack panes", "Place image and 3-D view on top of each other, or side by side again", None;
+        A::MovePanel, LAYOUT, false, "Side panel on the left", "Move labels and steps to the other side of the window", None;
         A::Fit, VIEW, true, "Fit image", "Show the whole image", plain(Key::Num0);
         A::ActualSize, VIEW, false, "Image at 100 %", "Show one image pixel per screen pixel", shift(Key::Num0);
-        A::ToggleMasks, VIEW, false, "Show masks", "Show or hide the masks over the image", plain(Key::M);
-        A::ToggleOutlines, VIEW, false, "Show outlines", "Draw a line around every label", plain(Key::O);
+        A::NextLayer, VIEW, false, "Next layer", "Switch between image, depth, normals and confidence", plain(Key::F7);
         A::CompareBefore, VIEW, false, "Compare with previous mask", "Show the frame's mask before its last change, or the current one", plain(Key::F4);
-        A::ToggleTimeline, VIEW, false, "Show timeline", "Show or hide the grid of labels and frames above the filmstrip", plain(Key::F2);
+        A::ToggleMasks, VIEW, true, "Show masks", "Show or hide the masks over the image", plain(Key::M);
+        A::ToggleOutlines, VIEW, false, "Show outlines", "Draw a line around every label", plain(Key::O);
+        A::OnlyLabel, VIEW, false, "Show only this label", "Show the mask of the selected label and its child labels, and hide the others on the image", shift(Key::M);
+        A::ToggleHover, VIEW, false, "Preview a click", "Show the mask that a click at the pointer would give", plain(Key::F3);
+        A::FrameCloud, SCENE, true, "Show whole cloud", "Bring the whole cloud into view", plain(Key::A);
+        A::LookThrough, SCENE, false, "Look through this frame's camera", "View the scene from where this frame was taken", plain(Key::L);
+        A::LookFrom(Side::Front), SCENE, true, "From the front", "View from the side of most cameras", alt(Key::Num1);
+        A::LookFrom(Side::Back), SCENE, false, "From behind", "View from behind", alt(Key::Num2);
+        A::LookFrom(Side::Left), SCENE, false, "From the left", "View from the left", alt(Key::Num3);
+        A::LookFrom(Side::Right), SCENE, false, "From the right", "View from the right", alt(Key::Num4);
+        A::LookFrom(Side::Top), SCENE, false, "From above", "View from above", alt(Key::Num5);
+        A::LookFrom(Side::Bottom), SCENE, false, "From below", "View from below", alt(Key::Num6);
+        A::ToggleOrthographic, SCENE, true, "Orthographic", "Switch between orthographic and perspective projection", alt(Key::O);
+        A::ToggleTurntable, SCENE, false, "Turntable", "Rotate the view about the vertical axis until you click or drag in it", alt(Key::T);
+        A::ToggleTimeline, VIEW, true, "Show timeline", "Show or hide the grid of labels and frames above the filmstrip", plain(Key::F2);
         A::ToggleMatches, VIEW, false, "Cameras and matches", "Show matches between frames, reprojection errors, and why frames have no camera", plain(Key::F6);
         A::ToggleMeasures, VIEW, false, "Traits", "Show a table of traits per label: lengths, widths, areas, volumes, heights, angles", plain(Key::F8);
-        A::NextLayer, VIEW, false, "Next layer", "Switch between image, depth, normals and confidence", plain(Key::F7);
-        A::ToggleHover, VIEW, false, "Preview a click", "Show the mask that a click at the pointer would give", plain(Key::F3);
-        A::FrameCloud, VIEW, true, "Show whole cloud", "Bring the whole cloud into view", plain(Key::A);
-        A::LookThrough, VIEW, false, "Look through this frame's camera", "View the scene from where this frame was taken", plain(Key::L);
-        A::LookFrom(Side::Front), VIEW, true, "From the front", "View from the side of most cameras", alt(Key::Num1);
-        A::LookFrom(Side::Back), VIEW, false, "From behind", "View from behind", alt(Key::Num2);
-        A::LookFrom(Side::Left), VIEW, false, "From the left", "View from the left", alt(Key::Num3);
-        A::LookFrom(Side::Right), VIEW, false, "From the right", "View from the right", alt(Key::Num4);
-        A::LookFrom(Side::Top), VIEW, false, "From above", "View from above", alt(Key::Num5);
-        A::LookFrom(Side::Bottom), VIEW, false, "From below", "View from below", alt(Key::Num6);
-        A::ToggleOrthographic, VIEW, false, "Orthographic or perspective", "Switch between orthographic and perspective projection", alt(Key::O);
-        A::ToggleTurntable, VIEW, false, "Turntable", "Rotate the view about the vertical axis until you click or drag in it", alt(Key::T);
-        A::ToggleTheme, VIEW, true, "Dark or light", "Switch between dark and light theme", plain(Key::F9);
+        A::ToggleTheme, VIEW, true, "Dark theme", "Switch between dark and light theme", plain(Key::F9);
         A::PreviousFrame, GO, false, "Previous frame", "Go to the previous frame", plain(Key::ArrowLeft);
         A::NextFrame, GO, false, "Next frame", "Go to the next frame", plain(Key::ArrowRight);
         A::Back10, GO, false, "10 frames back", "Go back 10 frames", shift(Key::ArrowLeft);
@@ -464,6 +435,7 @@ const LIST: &[Row] = {
         A::Fuse, RUN, false, "Fuse", "Fuse the depth maps into a cloud and label each point by a vote of all views", plain(Key::U);
         A::Stop, RUN, true, "Stop", "Stop the running job; finished parts are kept", ctrl(Key::Period);
         A::Cancel, RUN, false, "Cancel", "Discard the unfinished box, stroke, polygon or trace, else clear selected points or close the matches or traits window. Jobs go on", plain(Key::Escape);
+        A::FocusMenu, HELP, false, "Go to the menu bar", "Give the keyboard to the menu bar; Enter opens a menu, arrow keys move in it", plain(Key::F10);
         A::Palette, HELP, false, "Find action…", "List all actions; type to filter", ctrl(Key::P);
         A::ShortcutSheet, HELP, false, "Shortcuts…", "Show and change shortcuts", plain(Key::Questionmark);
         A::Guide, HELP, true, "Guide…", "Show the tutorials and how-to pages", plain(Key::F1);

@@ -68,6 +68,17 @@ impl Arrangement {
         }
     }
 
+    /// Returns whether image and 3-D view are on top of each other.
+    pub(super) fn is_stacked(&self) -> bool {
+        let parent = self
+            .tile(Pane::Image)
+            .and_then(|image| self.0.tiles.parent_of(image));
+        matches!(
+            parent.and_then(|id| self.0.tiles.get(id)),
+            Some(Tile::Container(Container::Linear(linear))) if linear.dir == LinearDir::Vertical
+        )
+    }
+
     /// Places image and 3-D view on top of each other, or side by side again.
     pub(super) fn turn(&mut self) {
         self.repair();

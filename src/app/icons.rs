@@ -5,6 +5,8 @@ use egui::{
     Vec2, WidgetInfo,
 };
 
+use super::tooltips::explained;
+
 /// Icon of a tool or switch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Icon {
@@ -23,6 +25,7 @@ pub(super) enum Icon {
     Specks,
     Frustum,
     Picture,
+    Contrast,
     Links,
     Sliders,
     Clip,
@@ -47,7 +50,8 @@ pub(super) struct IconButton<'a> {
     pub tip: &'a str,
     /// `None` for a button that is no switch.
     pub selected: Option<bool>,
-    pub enabled: bool,
+    /// Why it is disabled; `None` while it is enabled.
+    pub unavailable: Option<&'a str>,
 }
 
 impl IconButton<'_> {
@@ -58,18 +62,17 @@ impl IconButton<'_> {
         } else {
             self.icon(ui)
         };
-        response
-            .on_hover_text(self.tip)
-            .on_disabled_hover_text(self.tip)
+        explained(response, self.tip, self.unavailable)
     }
 
     fn line(self, ui: &mut Ui) -> Response {
         let selected = self.selected.unwrap_or(false);
-        ui.add_enabled(self.enabled, Button::selectable(selected, self.name))
+        let enabled = self.unavailable.is_none();
+        ui.add_enabled(enabled, Button::selectable(selected, self.name))
     }
 
     fn icon(self, ui: &mut Ui) -> Response {
-        ui.add_enabled_ui(self.enabled, |ui| {
+        ui.add_enabled_ui(self.unavailable.is_none(), |ui| {
             let (rect, response) = ui.allocate_exact_size(ICON_SIZE, Sense::click_and_drag());
             let (enabled, name) = (ui.is_enabled(), self.name);
             response.widget_info(|| match self.selected {
@@ -114,6 +117,7 @@ pub(super) fn paint_icon(painter: &Painter, at: Pos2, icon: Icon, color: Color32
         | Icon::Outline
         | Icon::Holes
         | Icon::Specks
+        | Icon::Contrast
         | Icon::Picture => pen.image(icon),
         Icon::Frustum
         | Icon::Links
@@ -265,6 +269,15 @@ impl Pen<'_> {
             Icon::Holes => {
                 self.circle(0.0, 0.0, 6.0);
                 self.dot(0.0, 0.0, 2.6);
+            }
+            Icon::Contrast => {
+                self.circle(0.0, 0.0, 6.0);
+                let half = (-8..=8).map(|k| {
+                    let angle = std::f32::consts::FRAC_PI_2 * k as f32 / 8.0;
+                    self.at + 6.0 * Vec2::angled(angle)
+                });
+                let half = Shape::convex_polygon(half.collect(), self.stroke.color, Stroke::NONE);
+                self.painter.add(half);
             }
             Icon::Specks => {
                 self.circle(-2.0, 1.0, 4.2);

@@ -12,7 +12,7 @@
 //! - `panels`: labels, tracking, reconstruction, fusion, traits, timeline and the 3-D view.
 //! - `dialogs`: dialogs and their forms.
 //! - `action`, `menu`, `shortcuts`, `perform`: list of actions, and how they are started and
-//!   performed.
+//!   performed; `action_state` says which are available and why others are not.
 //! - `ranges`: changes of a label over a range of frames.
 //! - `opening`: dropped files, the form of a new project, recent projects and the example.
 //! - `option_names`: names of controls in place of options of the command line.
@@ -38,15 +38,19 @@
 //! ```
 
 mod action;
+mod action_state;
 mod arrangement;
 mod attention;
 mod canvas;
 mod centre;
 mod dialogs;
 mod file_manager;
+mod focus_ring;
 mod icons;
 mod leave;
 mod menu;
+mod menu_entry;
+mod menu_name;
 mod notices;
 mod opening;
 mod option_names;
@@ -65,15 +69,18 @@ mod shortcuts;
 mod steps_state;
 mod textures;
 mod theme;
+mod tone;
 mod tool_row;
 mod tooltips;
 mod view_state;
 mod window;
+mod window_icon;
 
-pub use action::{Action, MenuName};
+pub use action::Action;
 pub use arrangement::{Arrangement, Pane};
 pub use canvas::{CanvasMap, Draft, Tool};
 pub use dialogs::{HelpPage, NewProjectForm, PathPicker, SourceKind};
+pub use menu_name::MenuName;
 pub use notices::{Notice, Notices, Severity};
 pub use opening::MakeExample;
 pub use panels::{InspectedPoint, SceneSelect, SelectShape};
@@ -84,5 +91,6 @@ pub use shell::Shell;
 pub use shortcuts::Shortcuts;
 pub use steps_state::StepsState;
 pub use theme::set_theme;
+pub use tone::Tone;
 pub use view_state::{Dialog, Shown, ViewState};
 pub use window::{Window, run};

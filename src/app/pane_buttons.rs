@@ -24,7 +24,7 @@ pub(super) fn pane_buttons_ui(
         name: &action.text(),
         tip: &tip,
         selected: None,
-        enabled: true,
+        unavailable: None,
     };
     if maximise.show(ui, false).clicked() {
         actions.push(action);
@@ -38,7 +38,7 @@ pub(super) fn pane_buttons_ui(
         },
         tip: "Drag to another place in the window",
         selected: None,
-        enabled: !is_alone,
+        unavailable: is_alone.then_some("There is only this pane"),
     };
     grip.show(ui, false).drag_started()
 }

@@ -158,6 +158,12 @@ pub struct LabelEditing {
     pub(super) focus: bool,
     pub(super) new_name: String,
     pub(super) parent: Option<LabelId>,
+    /// Text that the names of listed labels contain.
+    pub(super) filter: String,
+    /// Whether the list scrolls to the selected label on its next draw.
+    pub(super) reveal: bool,
+    /// Selected label, and the one selected before it.
+    selected: [Option<LabelId>; 2],
 }
 
 impl LabelEditing {
@@ -165,6 +171,19 @@ impl LabelEditing {
     pub fn rename(&mut self, label: LabelId, name: &str) {
         self.renaming = Some((label, name.into()));
         self.focus = true;
+    }
+
+    /// Remembers which label was selected before the current one.
+    pub(super) fn follow(&mut self, selected: Option<LabelId>) {
+        if self.selected[0] != selected {
+            self.selected = [selected, self.selected[0]];
+            self.reveal = true;
+        }
+    }
+
+    /// Returns the label that was selected before the current one, if it still exists.
+    pub(super) fn previous(&self, tree: &LabelTree) -> Option<LabelId> {
+        self.selected[1].filter(|&label| tree.get(label).is_some())
     }
 }
 

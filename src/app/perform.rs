@@ -4,7 +4,6 @@ use ostra_project::SegmenterId;
 use super::canvas::{clear_label, click_at};
 use super::dialogs::RelocateForm;
 use super::dialogs::{HelpPage, PathRequest, choose_path, typed_path};
-use super::menu::is_possible;
 use super::panels::{InspectedPoint, add_label, listed, next_worst, pairs_in};
 use super::ranges::{is_range_change, next_uncertain, range_request, set_range, split_at};
 use super::view_state::{IntoRequest, SceneAction};
@@ -22,7 +21,7 @@ pub(super) fn perform(
     view: &mut ViewState,
     out: &mut Vec<Command>,
 ) {
-    if !is_possible(action, session, view) {
+    if !action.is_available(session, view) {
         return;
     }
     if let Some(dialog) = dialog_of(action, session, view) {
@@ -48,7 +47,7 @@ pub(super) fn perform(
         Action::Redo => step(view, Command::Redo, out),
         Action::Stop => out.push(Command::Stop),
         Action::Cancel => cancel(view),
-        Action::ToggleTheme => toggle_theme(ctx),
+        Action::ToggleTheme => toggle_theme(ctx, view),
         _ if is_range_change(action) => {
             out.extend(range_request(action, session, view).map(Command::Range));
         }
@@ -67,6 +66,9 @@ fn edit(
     match action {
         Action::AddLabel => add_label(session, view, out),
         Action::ChooseLabel(number) => choose_label(session, view, number),
+        Action::PreviousLabel => {
+            view.label = view.labels.previous(&session.project.labels);
+        }
         Action::IncludeHere => click_here(session, view, true, out),
         Action::ExcludeHere => click_here(session, view, false, out),
         Action::ClearLabelHere => clear_label(session, view, out),
@@ -190,6 +192,7 @@ fn dialog_of(action: Action, session: &SessionView<'_>, view: &ViewState) -> Opt
         Action::Export => Dialog::Export,
         Action::Models => Dialog::Models,
         Action::Palette => Dialog::Palette,
+        Action::Preferences => Dialog::Preferences,
         Action::ShortcutSheet => Dialog::Shortcuts,
         Action::Guide => Dialog::Help(HelpPage::Guide),
         Action::WhatsNew => Dialog::Help(HelpPage::News),
@@ -245,6 +248,8 @@ fn look_differently(action: Action, ctx: &Context, view: &mut ViewState) {
             view.layer = Layer::ALL[next % Layer::ALL.len()];
         }
         Action::ToggleOutlines => view.prefs.outlines = !view.prefs.outlines,
+        Action::FocusMenu => view.focuses_menu = true,
+        Action::OnlyLabel => view.only_label = !view.only_label,
         Action::ShowBoth => view.prefs.panes = Panes::Both,
         Action::ShowImage => view.prefs.panes = Panes::Image,
         Action::ShowScene => view.prefs.panes = Panes::Scene,
@@ -269,7 +274,7 @@ fn look_differently(action: Action, ctx: &Context, view: &mut ViewState) {
 fn toggle_panels(view: &mut ViewState) {
     view.steps.is_bare = !view.steps.is_bare;
     if view.steps.is_bare {
-        view.note = "Panels are hidden; View › Hide panels shows them again".into();
+        view.note = "Panels are hidden; View › Layout › Hide panels shows them again".into();
     }
 }
 
@@ -340,11 +345,9 @@ fn cancel(view: &mut ViewState) {
     }
 }
 
-fn toggle_theme(ctx: &Context) {
-    let dark = ctx.theme() == egui::Theme::Dark;
-    ctx.set_theme(if dark {
-        ThemePreference::Light
-    } else {
-        ThemePreference::Dark
-    });
+fn toggle_theme(ctx: &Context, view: &mut ViewState) {
+    view.prefs.theme = match ctx.theme() {
+        egui::Theme::Dark => ThemePreference::Light,
+        egui::Theme::Light => ThemePreference::Dark,
+    };
 }

@@ -1,3 +1,4 @@
+use egui::ThemePreference;
 use serde::{Deserialize, Serialize};
 
 use super::arrangement::Arrangement;
@@ -11,6 +12,10 @@ use ostra_view::OverlayStyle;
 pub struct Prefs {
     /// Shortcuts changed by the user.
     pub shortcuts: Shortcuts,
+    /// Dark theme, light theme, or the one of the system.
+    pub theme: ThemePreference,
+    /// Size of the interface, relative to the one that the system asks for.
+    pub scale: f32,
     /// Visible panes.
     pub panes: Panes,
     /// Arrangement of the panes and their shares of the space.
@@ -54,6 +59,8 @@ impl Default for Prefs {
         let style = OverlayStyle::default();
         Self {
             shortcuts: Shortcuts::default(),
+            theme: ThemePreference::default(),
+            scale: 1.0,
             panes: Panes::default(),
             arrangement: Arrangement::default(),
             panel_on_left: false,

@@ -6,10 +6,11 @@ use super::action::Requests;
 use super::centre::{Parts, centre_ui};
 use super::dialogs::{
     export_ui, exported_ui, help_ui, image_ui, into_ui, models_ui, new_project_ui, palette_ui,
-    path_ui, relocate_ui, sheet_ui, take_picked,
+    path_ui, preferences_ui, relocate_ui, take_picked,
 };
+use super::focus_ring::FocusRing;
 use super::leave::{Leaving, leaving_ui, waiting_ui};
-use super::menu::{is_possible, menu_bar_ui};
+use super::menu::menu_bar_ui;
 use super::notices::notices_ui;
 use super::panels::{
     FILMSTRIP_HEIGHT, HEAT_HEIGHT, ROW, ScenePane, cloud_labels_ui, filmstrip_ui, heat_ui,
@@ -18,6 +19,7 @@ use super::panels::{
 };
 use super::perform::perform;
 use super::textures::Textures;
+use super::theme::AppliedLook;
 use super::tooltips::{icon_button, section_heading};
 use super::{Action, Dialog, Prefs, SessionView, ViewState};
 use ostra_session::{Command, JobView};
@@ -37,6 +39,8 @@ pub struct Shell {
     textures: Textures,
     scene: ScenePane,
     leaving: Leaving,
+    look: AppliedLook,
+    focus_ring: FocusRing,
     /// Commands that were not issued in a panel.
     requested: Vec<Command>,
     /// Whether keys went to a menu, list or text field when the window was last drawn.
@@ -60,6 +64,8 @@ impl Shell {
             textures,
             scene,
             leaving: Leaving::default(),
+            look: AppliedLook::default(),
+            focus_ring: FocusRing::default(),
             requested: Vec::new(),
             took_keys: false,
         }
@@ -97,7 +103,9 @@ impl Shell {
     /// Draws the whole window and returns the commands that the user issued, in order.
     pub fn ui(&mut self, ui: &mut Ui, session: &SessionView<'_>) -> Vec<Command> {
         let mut requests = Requests::default();
+        self.look.follow(ui.ctx(), &mut self.view.prefs);
         self.view.keep_valid(session);
+        self.view.labels.follow(self.view.label);
         self.view.presence.update(session.project);
         self.view.draft.follow(session.project);
         keep_track_valid(session, &mut self.view);
@@ -125,6 +133,7 @@ impl Shell {
             drop_hint_ui(ui);
         }
         notices_ui(ui, &mut self.view.notices, panes);
+        self.focus_ring.ui(ui.ctx());
         self.took_keys = takes_keys(ui.ctx());
         let Requests {
             mut commands,
@@ -152,7 +161,7 @@ impl Shell {
             .inner_margin(Margin::symmetric(8, 2));
         Panel::top("menu")
             .frame(bar)
-            .show(ui, |ui| menu_bar_ui(ui, session, &self.view, requests));
+            .show(ui, |ui| menu_bar_ui(ui, session, &mut self.view, requests));
         if session.unfinished.is_some() || self.leaving.is_waiting() {
             Panel::top("pending").frame(bar).show(ui, |ui| {
                 waiting_ui(ui, &mut self.leaving);
@@ -301,7 +310,7 @@ impl Shell {
             Some(Dialog::Exported) => exported_ui(ui, view),
             Some(Dialog::Image) => image_ui(ui, view),
             Some(Dialog::Models) => models_ui(ui, session, view, &mut requests.commands),
-            Some(Dialog::Shortcuts) => sheet_ui(ui, view),
+            Some(Dialog::Preferences | Dialog::Shortcuts) => preferences_ui(ui, view),
             Some(Dialog::Palette) => palette_ui(ui, session, view, &mut requests.actions),
             Some(Dialog::Into(request)) => {
                 into_ui(ui, session, view, request, &mut requests.commands);
@@ -337,7 +346,7 @@ fn pressed(
     };
     // Tab goes from control to control once one has the keyboard, and where no panel can be hidden.
     let is_travelling = ctx.memory(|memory| memory.focused().is_some())
-        || !is_possible(Action::TogglePanels, session, view);
+        || !Action::TogglePanels.is_available(session, view);
     let action = |event: &Event| {
         let is_tab = matches!(event, Event::Key { key: Key::Tab, .. });
         view.prefs

@@ -1,16 +1,19 @@
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use egui::{Color32, ColorImage, Context, TextureHandle, TextureOptions};
 
+use super::Tone;
 use ostra_frames::Image;
-use ostra_masks::{LabelTree, Region, RunMask};
+use ostra_masks::{LabelId, LabelMask, LabelTree, Region, RunMask};
 use ostra_view::{OverlayStyle, hatch, overlay};
 
 /// Textures of images, thumbnails and masks. Each is rebuilt only when its content changes.
 #[derive(Default)]
 pub(super) struct Textures {
     image: Option<CachedImage>,
+    /// Tone of the shown image.
+    tone: Tone,
     pair: [Option<CachedImage>; 2],
     mask: Option<MaskTexture>,
     hovered: Option<MaskTexture>,
@@ -26,6 +29,7 @@ struct MaskTexture {
     runs: Arc<RunMask>,
     tree: LabelTree,
     style: OverlayStyle,
+    step: usize,
     texture: TextureHandle,
 }
 
@@ -58,25 +62,32 @@ impl Textures {
         *self = Self::default();
     }
 
-    /// Returns the texture of the shown image.
-    pub fn image(&mut self, ctx: &Context, image: &Arc<Image>) -> TextureHandle {
-        image_texture(&mut self.image, ctx, image)
+    /// Returns the texture of the shown image with another brightness and contrast.
+    pub fn image(&mut self, ctx: &Context, image: &Arc<Image>, tone: Tone) -> TextureHandle {
+        if self.tone != tone {
+            self.image = None;
+            self.tone = tone;
+        }
+        image_texture(&mut self.image, ctx, image, tone)
     }
 
     /// Returns the texture of one of two images shown next to each other.
     pub fn of_pair(&mut self, ctx: &Context, place: usize, image: &Arc<Image>) -> TextureHandle {
-        image_texture(&mut self.pair[place], ctx, image)
+        image_texture(&mut self.pair[place], ctx, image, Tone::default())
     }
 
-    /// Returns the texture of the mask over the image.
+    /// Returns the texture of the mask over the image, with one pixel for `step` pixels of a side.
+    ///
+    /// Outlines are as wide as these pixels, which the screen should be able to show.
     pub fn mask(
         &mut self,
         ctx: &Context,
         runs: &Arc<RunMask>,
         tree: &LabelTree,
         style: &OverlayStyle,
+        step: usize,
     ) -> TextureHandle {
-        mask_texture(&mut self.mask, ctx, runs, tree, style)
+        mask_texture(&mut self.mask, ctx, runs, tree, style, step)
     }
 
     /// Returns the texture of the preview of a click, at low opacity.
@@ -89,9 +100,9 @@ impl Textures {
         let style = OverlayStyle {
             opacity: HOVER_OPACITY,
             outlines: true,
-            hidden: BTreeSet::new(),
+            ..OverlayStyle::default()
         };
-        mask_texture(&mut self.hovered, ctx, runs, tree, &style)
+        mask_texture(&mut self.hovered, ctx, runs, tree, &style, 1)
     }
 
     /// Returns the texture of the pixels that contradict the vote.
@@ -165,13 +176,17 @@ fn image_texture(
     kept: &mut Option<CachedImage>,
     ctx: &Context,
     image: &Arc<Image>,
+    tone: Tone,
 ) -> TextureHandle {
     if let Some((shown, texture)) = kept
         && Arc::ptr_eq(shown, image)
     {
         return texture.clone();
     }
-    let pixels = fitted(ctx, image.width, image.height, |i| opaque(image.pixels[i]));
+    let table = tone.table();
+    let pixels = fitted(ctx, image.width, image.height, |i| {
+        opaque(image.pixels[i].map(|channel| table[usize::from(channel)]))
+    });
     let texture = ctx.load_texture("picture", pixels, PIXELS);
     *kept = Some((Arc::clone(image), texture.clone()));
     texture
@@ -184,25 +199,50 @@ fn mask_texture(
     runs: &Arc<RunMask>,
     tree: &LabelTree,
     style: &OverlayStyle,
+    step: usize,
 ) -> TextureHandle {
     if let Some(shown) = kept
         && (Arc::ptr_eq(&shown.runs, runs) || shown.runs == *runs)
         && shown.style == *style
+        && shown.step == step
         && shown.tree == *tree
     {
         return shown.texture.clone();
     }
-    let pixels = overlay(&runs.decode(), tree, style);
-    let image = fitted(ctx, runs.width, runs.height, |i| straight(pixels[i]));
+    let mask = reduced(runs.decode(), step);
+    let pixels = overlay(&mask, tree, style);
+    let image = fitted(ctx, mask.width, mask.height, |i| straight(pixels[i]));
     let texture = ctx.load_texture("mask", image, PIXELS);
     let (tree, style) = (tree.clone(), style.clone());
     *kept = Some(MaskTexture {
         runs: Arc::clone(runs),
         tree,
         style,
+        step,
         texture: texture.clone(),
     });
     texture
+}
+
+/// Returns a mask with one pixel for `step` pixels of a side.
+///
+/// It has any label of these pixels, so that thin structures do not vanish.
+fn reduced(mask: LabelMask, step: usize) -> LabelMask {
+    if step < 2 {
+        return mask;
+    }
+    let [width, height] = [mask.width as usize, mask.height as usize];
+    let [columns, rows] = [width.div_ceil(step), height.div_ceil(step)];
+    let mut small = LabelMask::empty(columns as u32, rows as u32);
+    for (at, id) in small.ids.iter_mut().enumerate() {
+        let (x, y) = (at % columns, at / columns);
+        let across = x * width / columns..(x + 1) * width / columns;
+        let mut pixels = (y * height / rows..(y + 1) * height / rows)
+            .flat_map(|row| &mask.ids[row * width + across.start..row * width + across.end]);
+        let found = pixels.find(|id| **id != LabelId::NONE);
+        *id = found.copied().unwrap_or(LabelId::NONE);
+    }
+    small
 }
 
 fn opaque([r, g, b]: [u8; 3]) -> Color32 {
@@ -224,4 +264,21 @@ fn fitted(ctx: &Context, width: u32, height: u32, color: impl Fn(usize) -> Color
         pixels.extend((0..width).step_by(step).map(|x| color(y * width + x)));
     }
     ColorImage::new(size, pixels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thin_structures_stay_in_a_reduced_mask() {
+        let mut mask = LabelMask::empty(10, 7);
+        (0..7).for_each(|y| mask.ids[y * 10 + 4] = LabelId(3));
+        let small = reduced(mask.clone(), 3);
+        assert_eq!((small.width, small.height), (4, 3));
+        for row in small.ids.chunks(4) {
+            assert_eq!(row, [0, 3, 0, 0].map(LabelId));
+        }
+        assert_eq!(reduced(mask.clone(), 1), mask);
+    }
 }

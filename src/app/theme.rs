@@ -1,4 +1,39 @@
-use egui::{Color32, Context, CornerRadius, Margin, Stroke, Style, Theme, Vec2};
+use egui::{Color32, Context, CornerRadius, Margin, Stroke, Style, Theme, ThemePreference, Vec2};
+
+use super::Prefs;
+
+/// Theme and size of the interface that were applied last.
+pub(super) struct AppliedLook {
+    theme: ThemePreference,
+    scale: f32,
+}
+
+impl Default for AppliedLook {
+    fn default() -> Self {
+        Self {
+            theme: ThemePreference::default(),
+            scale: 1.0,
+        }
+    }
+}
+
+impl AppliedLook {
+    /// Applies preferences that changed, and takes over what egui's own keys or memory changed.
+    pub(super) fn follow(&mut self, ctx: &Context, prefs: &mut Prefs) {
+        if prefs.theme == self.theme {
+            prefs.theme = ctx.options(|options| options.theme_preference);
+        } else {
+            ctx.set_theme(prefs.theme);
+        }
+        self.theme = prefs.theme;
+        if prefs.scale == self.scale {
+            prefs.scale = ctx.zoom_factor();
+        } else {
+            ctx.set_zoom_factor(prefs.scale);
+        }
+        self.scale = prefs.scale;
+    }
+}
 
 /// Sets the dark and light theme: muted greys, one accent colour, uniform spacing.
 pub fn set_theme(ctx: &Context) {
@@ -55,7 +90,8 @@ fn dark(style: &mut Style) {
     visuals.widgets.inactive.bg_fill = Color32::from_rgb(58, 60, 66);
     visuals.widgets.hovered.weak_bg_fill = Color32::from_rgb(66, 68, 75);
     visuals.widgets.hovered.bg_stroke = Stroke::new(1.0, grey(95));
-    visuals.weak_text_color = Some(grey(140));
+    visuals.weak_text_color = Some(grey(160));
+    visuals.error_fg_color = Color32::from_rgb(255, 120, 110);
 }
 
 fn light(style: &mut Style) {
@@ -75,7 +111,95 @@ fn light(style: &mut Style) {
     visuals.widgets.inactive.fg_stroke.color = grey(40);
     visuals.widgets.inactive.weak_bg_fill = grey(226);
     visuals.widgets.hovered.weak_bg_fill = grey(214);
-    visuals.weak_text_color = Some(grey(105));
-    visuals.warn_fg_color = Color32::from_rgb(170, 95, 0);
+    visuals.weak_text_color = Some(grey(92));
+    visuals.warn_fg_color = Color32::from_rgb(145, 75, 0);
     visuals.error_fg_color = Color32::from_rgb(190, 30, 30);
+}
+
+#[cfg(test)]
+mod tests {
+    use egui::Visuals;
+    use ostra_view::contrast;
+
+    use super::*;
+    use crate::focus_ring::ring_color;
+
+    fn of(theme: Theme) -> Visuals {
+        let ctx = Context::default();
+        set_theme(&ctx);
+        ctx.style_of(theme).visuals.clone()
+    }
+
+    fn rgb(color: Color32) -> [u8; 3] {
+        assert_eq!(color.a(), 255, "the colour is opaque");
+        [color.r(), color.g(), color.b()]
+    }
+
+    fn grounds(visuals: &Visuals) -> [Color32; 5] {
+        [
+            visuals.panel_fill,
+            visuals.window_fill,
+            visuals.extreme_bg_color,
+            visuals.faint_bg_color,
+            visuals.text_edit_bg_color(),
+        ]
+    }
+
+    #[test]
+    fn text_is_readable_on_every_ground() {
+        for theme in [Theme::Dark, Theme::Light] {
+            let visuals = of(theme);
+            let texts = [
+                ("text", visuals.text_color()),
+                ("weak text", visuals.weak_text_color()),
+                ("strong text", visuals.strong_text_color()),
+                ("link", visuals.hyperlink_color),
+                ("warning", visuals.warn_fg_color),
+                ("error", visuals.error_fg_color),
+            ];
+            for (name, text) in texts {
+                for ground in grounds(&visuals) {
+                    let found = contrast(rgb(text), rgb(ground));
+                    assert!(found >= 4.5, "{theme:?}: {name} on {ground:?}: {found}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn texts_of_buttons_and_of_the_selection_are_readable() {
+        for theme in [Theme::Dark, Theme::Light] {
+            let visuals = of(theme);
+            let widgets = &visuals.widgets;
+            let pairs = [
+                widgets.inactive,
+                widgets.hovered,
+                widgets.active,
+                widgets.open,
+            ]
+            .map(|state| (state.fg_stroke.color, state.weak_bg_fill));
+            let selection = visuals.selection;
+            for (text, ground) in pairs
+                .into_iter()
+                .chain([(selection.stroke.color, selection.bg_fill)])
+            {
+                let found = contrast(rgb(text), rgb(ground));
+                assert!(found >= 4.5, "{theme:?}: {text:?} on {ground:?}: {found}");
+            }
+        }
+    }
+
+    #[test]
+    fn focus_ring_stands_out_from_what_is_around_it() {
+        for theme in [Theme::Dark, Theme::Light] {
+            let visuals = of(theme);
+            let ring = rgb(ring_color(&visuals));
+            let states = &visuals.widgets;
+            let buttons = [states.inactive, states.active].map(|state| state.weak_bg_fill);
+            for ground in grounds(&visuals).into_iter().chain(buttons) {
+                let found = contrast(ring, rgb(ground));
+                assert!(found >= 3.0, "{theme:?}: on {ground:?}: {found}");
+            }
+        }
+    }
 }

@@ -1,40 +1,74 @@
-use egui::{Button, Response, Ui};
+use egui::{Button, Response, Ui, Widget};
 
 use super::{Action, Shortcuts};
 
 /// Adds a button for `action`, with its description and shortcut as tooltip.
+///
+/// `unavailable` is the reason for which it is disabled.
 pub(super) fn action_button(
     ui: &mut Ui,
     shortcuts: &Shortcuts,
     action: Action,
     text: &str,
-    enabled: bool,
+    unavailable: Option<&str>,
 ) -> Response {
     let tip = shortcuts.tip(ui.ctx(), action);
     // In a wrapping bar the whole button moves to the next row, so its text must not wrap.
     let button = Button::new(text).wrap_mode(egui::TextWrapMode::Extend);
-    let button = ui.add_enabled(enabled, button);
-    button.on_hover_text(&tip).on_disabled_hover_text(tip)
+    add_explained(ui, button, &tip, unavailable)
 }
 
 /// Adds the highlighted button of a step, as wide as the panel.
-pub(super) fn primary_button(ui: &mut Ui, text: &str, tip: &str, enabled: bool) -> Response {
+pub(super) fn primary_button(
+    ui: &mut Ui,
+    text: &str,
+    tip: &str,
+    unavailable: Option<&str>,
+) -> Response {
     let (fill, color) = if ui.visuals().dark_mode {
         (egui::Color32::from_rgb(44, 108, 190), egui::Color32::WHITE)
     } else {
         (egui::Color32::from_rgb(30, 100, 200), egui::Color32::WHITE)
     };
     let text = egui::RichText::new(text).strong();
-    let button = if enabled {
+    let button = if unavailable.is_none() {
         Button::new(text.color(color)).fill(fill)
     } else {
         Button::new(text)
     };
     let size = egui::vec2(ui.available_width(), 26.0);
-    ui.add_enabled_ui(enabled, |ui| ui.add_sized(size, button))
-        .inner
-        .on_hover_text(tip)
-        .on_disabled_hover_text(tip)
+    let enabled = unavailable.is_none();
+    let response = ui
+        .add_enabled_ui(enabled, |ui| ui.add_sized(size, button))
+        .inner;
+    explained(response, tip, unavailable)
+}
+
+/// Adds a control that is disabled while there is a reason for it, which its tooltip gives.
+pub(super) fn add_explained(
+    ui: &mut Ui,
+    widget: impl Widget,
+    tip: &str,
+    unavailable: Option<&str>,
+) -> Response {
+    let response = ui.add_enabled(unavailable.is_none(), widget);
+    explained(response, tip, unavailable)
+}
+
+/// Adds the tooltip of a control: what it does, and why it is disabled.
+pub(super) fn explained(response: Response, tip: &str, unavailable: Option<&str>) -> Response {
+    let Some(reason) = unavailable else {
+        return response.on_hover_text(tip);
+    };
+    // Screen readers get the reason too.
+    response
+        .ctx
+        .accesskit_node_builder(response.id, |node| node.set_description(reason));
+    response.on_disabled_hover_ui(|ui| {
+        ui.set_max_width(ui.spacing().tooltip_width);
+        ui.label(tip);
+        ui.colored_label(ui.visuals().warn_fg_color, reason);
+    })
 }
 
 /// Adds an icon button that screen readers announce as `name`.

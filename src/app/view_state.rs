@@ -4,14 +4,14 @@ use std::path::PathBuf;
 
 use super::canvas::{Draft, Tool, ZoomState};
 use super::dialogs::{
-    ExportForm, HelpPage, ImageForm, ModelsForm, NewProjectForm, PathPicker, PathRequest,
-    RelocateForm, ScreenshotRequest, SheetState,
+    ExportForm, HelpPage, ImageForm, ModelsForm, NewProjectForm, PaletteState, PathPicker,
+    PathRequest, RelocateForm, ScreenshotRequest, SheetState,
 };
 use super::panel_state::{LabelEditing, MatchView, PointCounts, Presence, TextPrompt};
 use super::panels::{InspectedPoint, MeasureView, Ruler, SceneSelect};
 use super::pointer::HoverDwell;
 use super::steps_state::StepsState;
-use super::{Notices, Panes, Prefs, SceneLook, SessionView};
+use super::{Notices, Panes, Prefs, SceneLook, SessionView, Tone};
 use ostra_masks::{Direction, LabelId, MaskFormat};
 use ostra_project::{FuseRequest, ReconstructRequest};
 use ostra_session::{ExportedItem, InstancesRequest, PromptRequest, SurfaceKind, TrackSettings};
@@ -31,6 +31,8 @@ pub struct ViewState {
     pub masks_shown: bool,
     /// Hidden labels. Their descendants are hidden too.
     pub hidden: BTreeSet<LabelId>,
+    /// Whether the image shows the mask of the selected label only.
+    pub only_label: bool,
     /// What the point colours encode.
     pub coloring: Coloring,
     /// Clipping, isolation and label level of the 3-D view.
@@ -107,8 +109,10 @@ pub struct ViewState {
     pub sheet: SheetState,
     /// Text and minimum score of the search by text.
     pub text_prompt: TextPrompt,
-    /// Text typed in the palette.
-    pub palette_text: String,
+    /// State of the palette.
+    pub palette: PaletteState,
+    /// Whether the menu bar takes the keyboard on its next draw.
+    pub focuses_menu: bool,
     /// Edits in progress in the label list.
     pub labels: LabelEditing,
     /// Labels present on each frame.
@@ -141,6 +145,8 @@ pub struct ViewState {
     has_shown_labels: bool,
     /// Layer of the frame to show: image, depth, normals or confidence.
     pub layer: Layer,
+    /// Brightness and contrast of the shown image.
+    pub tone: Tone,
     /// Place where the pointer rests over the image.
     pub rest: Option<HoverDwell>,
     /// Prompt that a click at the pointer would send, for the preview.
@@ -216,6 +222,8 @@ pub enum Dialog {
     Image,
     /// Lists and installs networks.
     Models,
+    /// Shows and changes preferences.
+    Preferences,
     /// Shows and changes shortcuts.
     Shortcuts,
     /// Searches the list of actions.
@@ -249,6 +257,7 @@ impl ViewState {
             label: None,
             masks_shown: true,
             hidden: BTreeSet::new(),
+            only_label: false,
             coloring: Coloring::Rgb,
             scene: SceneLook::default(),
             shown: Shown::Points,
@@ -287,7 +296,8 @@ impl ViewState {
             dismisses_unfinished: false,
             sheet: SheetState::default(),
             text_prompt: TextPrompt::default(),
-            palette_text: String::new(),
+            palette: PaletteState::default(),
+            focuses_menu: false,
             labels: LabelEditing::default(),
             presence: Presence::default(),
             instances: None,
@@ -304,6 +314,7 @@ impl ViewState {
             steps: StepsState::default(),
             has_shown_labels: false,
             layer: Layer::Image,
+            tone: Tone::default(),
             rest: None,
             hover_request: None,
             pointer_px: None,
@@ -426,6 +437,12 @@ impl ViewState {
     #[must_use]
     pub fn frames_meant(&self) -> (usize, usize) {
         self.range.unwrap_or((self.frame, self.frame))
+    }
+
+    /// Returns the only label that the image shows, with its child labels; `None` shows all.
+    #[must_use]
+    pub fn shown_label(&self) -> Option<LabelId> {
+        self.label.filter(|_| self.only_label)
     }
 
     /// Empties the field of a dialog with a single path field.

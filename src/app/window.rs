@@ -13,6 +13,7 @@ use super::option_names::in_window_words;
 use super::scene_image::write_scene_image;
 use super::theme::set_theme;
 use super::view_state::RecipeTarget;
+use super::window_icon::window_icon;
 use super::{Layers, Panes, Prefs, SessionView, Severity, Shell, ViewState, layers_of};
 use ostra_compute::nn::{ModelStatus, Provider};
 use ostra_core::disk;
@@ -33,6 +34,7 @@ pub fn run(path: Option<PathBuf>, make_example: MakeExample) -> Result<()> {
     let viewport = ViewportBuilder::default()
         .with_title("OSTRA")
         .with_app_id("ostra")
+        .with_icon(window_icon())
         .with_inner_size([1440.0, 900.0])
         .with_min_inner_size([720.0, 480.0]);
     let options = eframe::NativeOptions {

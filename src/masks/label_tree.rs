@@ -237,21 +237,24 @@ impl LabelTree {
     }
 
     /// Returns a colour for a new label; colours of the first dozens of ids are far apart.
+    ///
+    /// Magenta, cyan and orange come first: they stand out from plants and soil, which green, brown
+    /// and red do not.
     #[must_use]
     pub fn color_for(id: LabelId) -> [u8; 3] {
         const PALETTE: [[u8; 3]; 12] = [
+            [230, 60, 200],
+            [40, 190, 220],
+            [255, 140, 30],
+            [120, 100, 255],
+            [255, 215, 50],
+            [30, 120, 235],
+            [200, 130, 255],
+            [0, 150, 140],
+            [255, 130, 150],
+            [165, 105, 55],
+            [150, 215, 60],
             [230, 75, 60],
-            [60, 180, 75],
-            [65, 105, 235],
-            [255, 205, 40],
-            [170, 60, 200],
-            [50, 200, 210],
-            [245, 130, 48],
-            [150, 220, 60],
-            [240, 90, 180],
-            [0, 128, 128],
-            [160, 110, 60],
-            [120, 120, 255],
         ];
         let base = PALETTE[usize::from(id.0.wrapping_sub(1)) % PALETTE.len()];
         let dim = 1.0 - 0.17 * f32::from((id.0.wrapping_sub(1) / 12) % 4);

@@ -58,7 +58,7 @@ pub use frame_shapes::{ImagePlane, LineVertex, frustum_lines, link_lines};
 pub use layers::{Layer, LayerImage, draw_layer};
 pub use mesh_raster::draw_mesh;
 pub use orbit::Orbit;
-pub use overlay::{OverlayStyle, hatch, overlay};
+pub use overlay::{OverlayStyle, contrast, hatch, overlay, relative_luminance};
 pub use pick::{PickRequest, Picking, is_any_in_view, pick_frustum, pick_point};
 pub use raster::draw_cloud;
 pub use render_request::RenderRequest;

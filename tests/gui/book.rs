@@ -13,7 +13,7 @@ fn table() -> String {
     let shortcuts = Shortcuts::default();
     let mut page = String::from("\n| action | menu | shortcut | effect |\n|---|---|---|---|\n");
     for action in Action::all() {
-        let menu = action.menu().map_or("", |menu| menu.text());
+        let menu = action.menu().map_or_else(String::new, |menu| menu.path());
         let keys = match shortcuts.text(&ctx, action) {
             keys if keys.is_empty() => keys,
             keys => format!("`{keys}`"),

@@ -327,9 +327,7 @@ fn range_actions_are_in_the_status_line_and_its_menu() {
     harness.get_by_label("leaf, frames 1–3");
     harness.get_by_label("More range actions").click();
     harness.run_steps(3);
-    harness
-        .get_by_label("Lock or unlock label in range")
-        .click();
+    harness.get_by_label("Lock label in range").click();
     harness.run_steps(2);
     assert!(matches!(harness.state().requested[..], [Command::Range(_)]));
     harness.get_by_label("Clear range").click();

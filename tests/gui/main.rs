@@ -12,6 +12,8 @@ mod data;
 mod generated_page;
 
 #[cfg(test)]
+mod accessibility;
+#[cfg(test)]
 mod book;
 #[cfg(test)]
 mod canvas;
@@ -30,15 +32,21 @@ mod instances;
 #[cfg(test)]
 mod keys;
 #[cfg(test)]
+mod labels;
+#[cfg(test)]
 mod layout;
 #[cfg(test)]
 mod matches;
 #[cfg(test)]
 mod measures;
 #[cfg(test)]
+mod menus;
+#[cfg(test)]
 mod opening;
 #[cfg(test)]
 mod panels;
+#[cfg(test)]
+mod preferences;
 #[cfg(test)]
 mod running;
 #[cfg(test)]
@@ -53,3 +61,5 @@ mod story;
 mod text_prompts;
 #[cfg(test)]
 mod timeline;
+#[cfg(test)]
+mod tone;

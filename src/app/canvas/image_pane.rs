@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use egui::{Color32, FontId, Pos2, Rect, Response, Role, Sense, Stroke, Ui, Vec2, WidgetInfo};
 
 use super::draft::Tool;
@@ -9,8 +11,8 @@ use super::toolbar::toolbar_ui;
 use crate::action::Requests;
 use crate::pointer::HoverDwell;
 use crate::textures::Textures;
-use crate::{SessionView, ViewState};
-use ostra_masks::Click;
+use crate::{SessionView, Tone, ViewState};
+use ostra_masks::{Click, RunMask};
 use ostra_session::PromptRequest;
 use ostra_view::{Layer, OverlayStyle, ramp};
 
@@ -67,7 +69,11 @@ fn draw(
     painter.rect_filled(map.pane, 0.0, ui.visuals().extreme_bg_color);
     if view.layer == Layer::Image {
         match session.images.and_then(|images| images.image(view.frame)) {
-            Some(image) => paint::texture(&painter, map, textures.image(ui.ctx(), &image).id()),
+            Some(image) => paint::texture(
+                &painter,
+                map,
+                textures.image(ui.ctx(), &image, view.tone).id(),
+            ),
             None => placeholder(ui, session, view, map),
         }
     } else {
@@ -85,18 +91,7 @@ fn draw(
             },
         );
     }
-    if view.masks_shown
-        && let Some(runs) = before.or_else(|| session.project.mask_in_play(view.frame))
-    {
-        let prefs = &view.prefs;
-        let style = OverlayStyle {
-            opacity: prefs.opacity,
-            outlines: prefs.outlines,
-            hidden: view.hidden.clone(),
-        };
-        let texture = textures.mask(ui.ctx(), &runs, &session.project.labels, &style);
-        paint::texture(&painter, map, texture.id());
-    }
+    mask(ui, session, view, textures, map, before);
     if let Some(region) = session
         .vote_mismatch
         .filter(|_| view.masks_shown && !view.compare)
@@ -126,6 +121,41 @@ fn draw(
     }
 }
 
+/// Draws the mask, or the one before its last change while both are compared.
+fn mask(
+    ui: &Ui,
+    session: &SessionView<'_>,
+    view: &ViewState,
+    textures: &mut Textures,
+    map: &CanvasMap,
+    before: Option<Arc<RunMask>>,
+) {
+    if !view.masks_shown {
+        return;
+    }
+    let painter = &ui.painter_at(map.pane);
+    if let Some(runs) = before.or_else(|| session.project.mask_in_play(view.frame)) {
+        let prefs = &view.prefs;
+        let style = OverlayStyle {
+            opacity: prefs.opacity,
+            outlines: prefs.outlines,
+            hidden: view.hidden.clone(),
+            only: view.shown_label(),
+        };
+        // About one pixel of the mask per pixel of the screen keeps outlines visible.
+        let step = (1.0 / (map.scale * ui.pixels_per_point())).round().max(1.0) as usize;
+        let texture = textures.mask(ui.ctx(), &runs, &session.project.labels, &style, step);
+        paint::texture(painter, map, texture.id());
+    }
+    if let Some(label) = view
+        .shown_label()
+        .and_then(|label| session.project.labels.get(label))
+        .filter(|_| !view.compare)
+    {
+        paint::banner(painter, map, &format!("Only {}", label.name));
+    }
+}
+
 /// Draws depth, normals or confidence in place of the image, with a legend.
 fn layer(
     ui: &Ui,
@@ -143,7 +173,7 @@ fn layer(
             paint::texture(
                 &ui.painter_at(map.pane),
                 map,
-                textures.image(ui.ctx(), &drawn.image).id(),
+                textures.image(ui.ctx(), &drawn.image, Tone::default()).id(),
             );
             if let Some(range) = drawn.range {
                 let title = match view.layer {

@@ -32,6 +32,10 @@ pub(super) fn prompts_and_draft(
         .labels
         .iter()
         .filter(|label| !view.hidden.contains(&label.id))
+        .filter(|label| {
+            let path = session.project.labels.path(label.id);
+            view.shown_label().is_none_or(|only| path.contains(&only))
+        })
     {
         let prompt = view.draft.prompt(session.project, view.frame, label.id);
         prompt_marks(

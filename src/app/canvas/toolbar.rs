@@ -2,11 +2,16 @@ use egui::{ComboBox, Slider, Ui};
 
 use super::draft::Tool;
 use crate::icons::{Icon, IconButton};
-use crate::menu::is_possible;
 use crate::pane_buttons::pane_buttons_ui;
-use crate::tool_row::{ICON, IN_MENU, Slot, tool_row};
-use crate::{Action, SessionView, ViewState};
+use crate::tool_row::{ICON, IN_MENU, Slot, icon_menu, tool_row};
+use crate::tooltips::add_explained;
+use crate::{Action, SessionView, Tone, ViewState};
 use ostra_view::Layer;
+
+/// Name of the menu of brightness and contrast.
+const TONE: &str = "Brightness and contrast";
+const NO_BRUSH: &str = "Choose the brush or the eraser first";
+const NO_MASKS: &str = "Show the masks first";
 
 /// ImageTool of the tool row above the image.
 #[derive(Clone, Copy)]
@@ -18,6 +23,7 @@ enum ImageTool {
     View(Action),
     Zoom,
     Layer,
+    Tone,
     Masks,
     Opacity,
     Outlines,
@@ -25,7 +31,7 @@ enum ImageTool {
     CleanSize,
 }
 
-const ITEMS: [(ImageTool, f32); 19] = [
+const ITEMS: [(ImageTool, f32); 20] = [
     (ImageTool::Tool(Tool::Click), ICON),
     (ImageTool::Tool(Tool::Brush), ICON),
     (ImageTool::Tool(Tool::Eraser), ICON),
@@ -39,6 +45,7 @@ const ITEMS: [(ImageTool, f32); 19] = [
     (ImageTool::Masks, ICON),
     (ImageTool::Outlines, ICON),
     (ImageTool::Layer, 82.0),
+    (ImageTool::Tone, ICON),
     (ImageTool::BrushRadius, 56.0),
     (ImageTool::Opacity, 60.0),
     (ImageTool::Snap, IN_MENU),
@@ -72,7 +79,7 @@ pub(super) fn toolbar_ui(
                 name: &action.text(),
                 tip: &view.prefs.shortcuts.tip(ui.ctx(), action),
                 selected: None,
-                enabled: is_possible(action, session, view),
+                unavailable: action.unavailable(session, view),
             };
             if button.show(ui, matches!(slot, Slot::Menu(_))).clicked() {
                 actions.push(action);
@@ -113,13 +120,14 @@ fn item_ui(
                 name,
                 tip: &tip,
                 selected: None,
-                enabled: true,
+                unavailable: None,
             };
             if button.show(ui, in_menu).clicked() {
                 actions.push(action);
             }
         }
         ImageTool::Layer => layer_ui(ui, view),
+        ImageTool::Tone => tone_menu_ui(ui, view, in_menu),
         ImageTool::Opacity => opacity_ui(ui, view),
         ImageTool::CleanSize => clean_size_ui(ui, view),
         ImageTool::Snap | ImageTool::Masks | ImageTool::Outlines => {
@@ -144,7 +152,7 @@ fn tool_ui(ui: &mut Ui, view: &mut ViewState, tool: Tool, in_menu: bool) {
         name: tool.text(),
         tip: &format!("{}: {tip}", tool.text()),
         selected: Some(view.tool == tool),
-        enabled: true,
+        unavailable: None,
     };
     if button.show(ui, in_menu).clicked() {
         view.tool = tool;
@@ -161,10 +169,8 @@ fn radius_ui(ui: &mut Ui, view: &mut ViewState) {
         .max_decimals(1);
     let tip = "Radius of the brush (Shift+wheel over the image)";
     ui.spacing_mut().interact_size.x = 54.0;
-    ui.add_enabled(brush, size)
-        .on_hover_text(tip)
-        .on_disabled_hover_text(format!("{tip}; choose the brush or eraser first"))
-        .accessible_name("Brush radius");
+    let reason = (!brush).then_some(NO_BRUSH);
+    add_explained(ui, size, tip, reason).accessible_name("Brush radius");
 }
 
 /// Draws a switch of the masks, the outlines or the snapping of the brush.
@@ -175,10 +181,10 @@ fn switch_ui(ui: &mut Ui, view: &mut ViewState, item: ImageTool, in_menu: bool) 
         _ => (Icon::Outline, "Outlines", Action::ToggleOutlines),
     };
     let is_brush = matches!(view.tool, Tool::Brush | Tool::Eraser);
-    let enabled = match item {
-        ImageTool::Snap => is_brush,
-        ImageTool::Masks => true,
-        _ => view.masks_shown,
+    let unavailable = match item {
+        ImageTool::Snap => (!is_brush).then_some(NO_BRUSH),
+        ImageTool::Masks => None,
+        _ => (!view.masks_shown).then_some(NO_MASKS),
     };
     let tip = view.prefs.shortcuts.tip(ui.ctx(), action);
     let value = match item {
@@ -191,7 +197,7 @@ fn switch_ui(ui: &mut Ui, view: &mut ViewState, item: ImageTool, in_menu: bool) 
         name,
         tip: &format!("{name}: {tip}"),
         selected: Some(*value),
-        enabled,
+        unavailable,
     };
     if button.show(ui, in_menu).clicked() {
         *value = !*value;
@@ -215,9 +221,45 @@ fn clean_size_ui(ui: &mut Ui, view: &mut ViewState) {
 fn opacity_ui(ui: &mut Ui, view: &mut ViewState) {
     let slider = Slider::new(&mut view.prefs.opacity, 0.0..=1.0).show_value(false);
     ui.spacing_mut().slider_width = 56.0;
-    ui.add_enabled(view.masks_shown, slider)
-        .on_hover_text("Opacity of the masks")
-        .accessible_name("Mask opacity");
+    let reason = (!view.masks_shown).then_some(NO_MASKS);
+    add_explained(ui, slider, "Opacity of the masks", reason).accessible_name("Mask opacity");
+}
+
+/// Draws the menu of brightness and contrast, with a dot while they are changed.
+fn tone_menu_ui(ui: &mut Ui, view: &mut ViewState, in_menu: bool) {
+    if in_menu {
+        ui.collapsing(TONE, |ui| tone_ui(ui, view));
+        return;
+    }
+    let is_changed = view.tone != Tone::default();
+    let menu = icon_menu(ui, Icon::Contrast, TONE, |ui| tone_ui(ui, view));
+    if is_changed {
+        let at = menu.rect.right_top() + egui::vec2(-4.0, 4.0);
+        ui.painter()
+            .circle_filled(at, 3.0, ui.visuals().warn_fg_color);
+    }
+    menu.on_hover_text("Brightness and contrast of the shown image; files and masks keep theirs");
+}
+
+fn tone_ui(ui: &mut Ui, view: &mut ViewState) {
+    let other = (view.layer != Layer::Image).then_some("Show the layer Image first");
+    let tone = &mut view.tone;
+    for (name, value) in [
+        ("Brightness", &mut tone.brightness),
+        ("Contrast", &mut tone.contrast),
+    ] {
+        ui.horizontal(|ui| {
+            ui.add_sized([70.0, 18.0], egui::Label::new(name));
+            let slider = Slider::new(value, -1.0..=1.0).show_value(false);
+            let tip = format!("{name} of the shown image");
+            add_explained(ui, slider, &tip, other).accessible_name(name);
+        });
+    }
+    let same = (*tone == Tone::default()).then_some("Brightness and contrast are not changed");
+    let reset = egui::Button::new("Reset");
+    if add_explained(ui, reset, "Show the image as it is", same).clicked() {
+        *tone = Tone::default();
+    }
 }
 
 /// Draws the choice of the shown layer.

@@ -1,12 +1,12 @@
 //! The export dialog: what to write, and into which folder.
 
-use egui::{Button, DragValue, ScrollArea, Ui};
+use egui::{Button, Checkbox, DragValue, ScrollArea, Ui};
 
 use super::export_form::{Available, ExportForm, mask_format_ui};
 use super::export_presets::Preset;
 use super::picker::{PathField, Pick, PickTarget, path_field_ui};
 use crate::panels::{ground_ui, scale_note_ui, unit_ui};
-use crate::tooltips::{modal, section_heading};
+use crate::tooltips::{add_explained, modal, section_heading};
 use crate::{SessionView, ViewState};
 use ostra_cloud::formats::{CloudFormat, MeshFormat, VoxelFormat};
 use ostra_frames::cameras::ModelEncoding;
@@ -70,14 +70,8 @@ fn presets_ui(ui: &mut Ui, form: &mut ExportForm, has: &Available) {
         for preset in Preset::ALL {
             let missing = preset.missing(has);
             let is_chosen = form.is(preset, has);
-            let button = ui.add_enabled(
-                missing.is_none(),
-                Button::selectable(is_chosen, preset.text()).frame_when_inactive(true),
-            );
-            let button = button
-                .on_hover_text(preset.tip())
-                .on_disabled_hover_text(missing.unwrap_or_default());
-            if button.clicked() {
+            let button = Button::selectable(is_chosen, preset.text()).frame_when_inactive(true);
+            if add_explained(ui, button, preset.tip(), missing).clicked() {
                 form.apply(preset, has);
             }
         }
@@ -148,13 +142,10 @@ fn what_ui(ui: &mut Ui, form: &mut ExportForm, has: &Available) {
         ),
     ];
     for (wanted, there, name, what, missing) in rows {
-        ui.add_enabled_ui(there, |ui| {
-            ui.horizontal(|ui| {
-                ui.checkbox(wanted, name)
-                    .on_hover_text(format!("Write {what}"))
-                    .on_disabled_hover_text(missing);
-                ui.weak(if there { what } else { missing });
-            });
+        ui.horizontal(|ui| {
+            let (tip, reason) = (format!("Write {what}"), (!there).then_some(missing));
+            add_explained(ui, Checkbox::new(wanted, name), &tip, reason);
+            ui.weak(if there { what } else { missing });
         });
     }
 }
@@ -286,10 +277,15 @@ fn format_ui<T: Copy + PartialEq, const N: usize>(
 fn end_ui(ui: &mut Ui, view: &mut ViewState, has: &Available, out: &mut Vec<Command>) {
     let request = view.export.request(has, &view.measures);
     ui.with_layout(egui::Layout::right_to_left(egui::Align::Min), |ui| {
-        let button = ui.add_enabled(request.is_some(), Button::new("Write files"));
-        let button = button
-            .on_hover_text("Write what is ticked")
-            .on_disabled_hover_text("Tick something and name a folder");
+        let reason = request
+            .is_none()
+            .then_some("Tick something and name a folder first");
+        let button = add_explained(
+            ui,
+            Button::new("Write files"),
+            "Write what is ticked",
+            reason,
+        );
         if button.clicked()
             && let Some(request) = request
         {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use egui::{Grid, ScrollArea, Ui};
 
 use crate::ViewState;
-use crate::tooltips::modal;
+use crate::tooltips::{add_explained, modal};
 use ostra_session::ExportedItem;
 
 /// Draws the files that the last export wrote, with their sizes.
@@ -28,11 +28,9 @@ pub(crate) fn exported_ui(ui: &Ui, view: &mut ViewState) {
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Min), |ui| {
             let close = ui.button("Close").on_hover_text("Close the list (Esc)");
             is_done |= close.accessible_name("Close list of files").clicked();
-            let show = ui.add_enabled(folder.is_some(), egui::Button::new("Show in folder"));
-            let show = show
-                .on_hover_text("Open the folder in the file manager")
-                .on_disabled_hover_text("Nothing was written");
-            if show.clicked() {
+            let reason = folder.is_none().then_some("Nothing was written");
+            let show = egui::Button::new("Show in folder");
+            if add_explained(ui, show, "Open the folder in the file manager", reason).clicked() {
                 view.folder_to_show.clone_from(&folder);
             }
         });

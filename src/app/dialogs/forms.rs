@@ -179,9 +179,20 @@ pub struct ModelsForm {
     pub(super) path: String,
 }
 
+/// State of the palette.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct PaletteState {
+    /// Typed text.
+    pub(super) text: String,
+    /// Highlighted row.
+    pub(super) row: usize,
+}
+
 /// State of the shortcut sheet: the action that waits for new keys.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct SheetState {
+    /// Typed text that the listed actions contain.
+    pub(super) filter: String,
     pub(super) changing: Option<Action>,
     /// Action that lost its shortcut in the latest change.
     pub(super) robbed: Option<Action>,

@@ -5,7 +5,7 @@ use egui::{Button, ComboBox, ProgressBar, ScrollArea, Ui};
 use super::forms::ModelsForm;
 use super::picker::{PathField, Pick, PickTarget, path_field_ui, typed_path};
 use crate::panels::progress_text;
-use crate::tooltips::modal;
+use crate::tooltips::{add_explained, modal};
 use crate::{SessionView, ViewState};
 use ostra_compute::nn::{ModelStatus, Provider};
 use ostra_session::{Command, JobView, ModelRequest, ModelTask};
@@ -30,6 +30,7 @@ pub(crate) fn models_ui(
                     view.dialog = None;
                 }
                 provider_ui(ui, view);
+                ui.label("Run on");
             });
         });
         ui.add_space(6.0);
@@ -51,7 +52,7 @@ pub(crate) fn models_ui(
 }
 
 /// Draws the choice of the device that runs networks.
-fn provider_ui(ui: &mut Ui, view: &mut ViewState) {
+pub(super) fn provider_ui(ui: &mut Ui, view: &mut ViewState) {
     let chosen = Provider::chosen();
     let tip = "What networks run on that are loaded from now on; where it does not start, the processor does it";
     let choice = ComboBox::from_id_salt("provider")
@@ -72,7 +73,6 @@ fn provider_ui(ui: &mut Ui, view: &mut ViewState) {
         .response
         .on_hover_text(tip)
         .accessible_name("Run networks on");
-    ui.label("Run on");
 }
 
 fn text(provider: Provider) -> &'static str {
@@ -152,13 +152,9 @@ fn buttons_ui(ui: &mut Ui, view: &mut ViewState, row: &ModelStatus, out: &mut Ve
         }
     } else {
         let tip = format!("Download (licence: {})", row.licence);
-        let install = ui
-            .add_enabled(row.has_address, Button::new("Install"))
-            .on_hover_text(tip);
-        let install = install.on_disabled_hover_text(format!(
-            "Has no address to be fetched from; see {}",
-            row.source
-        ));
+        let reason = format!("Has no address to be fetched from; see {}", row.source);
+        let reason = (!row.has_address).then_some(reason.as_str());
+        let install = add_explained(ui, Button::new("Install"), &tip, reason);
         if install.accessible_name(format!("Install {name}")).clicked() {
             ask(ModelTask::Install);
         }
@@ -194,9 +190,9 @@ fn adding_ui(ui: &mut Ui, view: &mut ViewState, row: &ModelStatus, out: &mut Vec
         };
         path_field_ui(ui, &mut view.picker, &field, &mut form.path);
         let path = typed_path(&form.path);
-        let add = ui
-            .add_enabled(path.is_some(), Button::new("Add files"))
-            .on_hover_text("Check the files and copy them");
+        let reason = path.is_none().then_some("Enter or choose a path first");
+        let tip = "Check the files and copy them";
+        let add = add_explained(ui, Button::new("Add files"), tip, reason);
         if let Some(path) = path.filter(|_| add.clicked()) {
             let task = ModelTask::Add(vec![path]);
             out.push(Command::Model(ModelRequest {

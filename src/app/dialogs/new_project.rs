@@ -9,7 +9,7 @@ use super::picker::{
 use super::survey::found_ui;
 use crate::option_names::in_window_words;
 use crate::textures::Textures;
-use crate::tooltips::{field, icon_button, modal};
+use crate::tooltips::{add_explained, field, icon_button, modal};
 use crate::{Dialog, SessionView, ViewState};
 use ostra_session::{Command, Survey};
 
@@ -379,10 +379,12 @@ fn end_ui(ui: &mut Ui, view: &mut ViewState, survey: Option<&Survey>, out: &mut 
             };
             let has_frames = !form.paths().is_empty();
             let button = egui::Button::new(text).fill(ui.visuals().selection.bg_fill);
-            let button = ui.add_enabled(has_frames && !is_sent, button);
-            let button = button
-                .on_hover_text(tip)
-                .on_disabled_hover_text("Choose images or a video first");
+            let reason = if is_sent {
+                Some("The files are being read")
+            } else {
+                (!has_frames).then_some("Choose images or a video first")
+            };
+            let button = add_explained(ui, button, tip, reason);
             if (button.clicked() || is_entered) && has_frames && !is_sent {
                 form.stage = Stage::Waiting;
                 form.error = None;

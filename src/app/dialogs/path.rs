@@ -7,7 +7,7 @@ use super::picker::{
     NO_CHOOSER, PathField, PathRequest, Pick, PickTarget, path_field_ui, typed_path,
 };
 use crate::ViewState;
-use crate::tooltips::{field, modal};
+use crate::tooltips::{add_explained, field, modal};
 use crate::view_state::RecipeTarget;
 use ostra_project::ExportRequest;
 use ostra_session::{Command, MeasureSettings};
@@ -53,10 +53,9 @@ pub(crate) fn path_ui(ui: &Ui, view: &mut ViewState, request: PathRequest, out: 
         ui.add_space(12.0);
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Min), |ui| {
             let typed = !view.path_text.trim().is_empty();
-            done |= ui
-                .add_enabled(typed, egui::Button::new(texts.verb))
-                .on_hover_text(texts.heading)
-                .clicked();
+            let reason = (!typed).then_some("Enter or choose a path first");
+            let button = egui::Button::new(texts.verb);
+            done |= add_explained(ui, button, texts.heading, reason).clicked();
             if ui
                 .button("Cancel")
                 .on_hover_text("Close the dialog (Esc)")
@@ -188,9 +187,10 @@ pub(crate) fn relocate_ui(ui: &Ui, view: &mut ViewState, out: &mut Vec<Command>)
         ui.add_space(12.0);
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Min), |ui| {
             let command = view.relocate.command();
-            let button = ui.add_enabled(command.is_some(), egui::Button::new("Update paths"));
-            let button = button.on_hover_text("Update the paths of all frames from the old folder");
-            if button.on_disabled_hover_text("Enter both paths").clicked() {
+            let reason = command.is_none().then_some("Enter both paths first");
+            let button = egui::Button::new("Update paths");
+            let tip = "Update the paths of all frames from the old folder";
+            if add_explained(ui, button, tip, reason).clicked() {
                 out.extend(command);
                 view.dialog = None;
             }

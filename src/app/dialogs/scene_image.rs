@@ -3,7 +3,7 @@ use egui::{DragValue, Ui};
 use super::export::replace_ui;
 use super::forms::ImageForm;
 use super::picker::{PathField, Pick, PickTarget, path_field_ui};
-use crate::tooltips::modal;
+use crate::tooltips::{add_explained, modal};
 use crate::{Panes, ViewState};
 
 /// Draws the dialog that saves the 3-D view as an image or a turntable video.
@@ -91,12 +91,10 @@ fn video_ui(ui: &mut Ui, form: &mut ImageForm) {
 fn end_ui(ui: &mut Ui, view: &mut ViewState) {
     let request = view.image.request();
     ui.with_layout(egui::Layout::right_to_left(egui::Align::Min), |ui| {
-        let button = ui.add_enabled(request.is_some(), egui::Button::new("Save"));
         let missing = "Enter a file name: .png for an image; .mp4, .mkv or .webm for a video";
-        let button = button
-            .on_hover_text("Save the current view")
-            .on_disabled_hover_text(missing);
-        if button.clicked() {
+        let reason = request.is_none().then_some(missing);
+        let button = egui::Button::new("Save");
+        if add_explained(ui, button, "Save the current view", reason).clicked() {
             view.screenshot_request = request;
             if view.prefs.panes == Panes::Image {
                 view.prefs.panes = Panes::Both;

@@ -51,17 +51,13 @@ pub(crate) fn conflicts_ui(
     ui.checkbox(&mut view.prefs.mismatches, "Highlight conflicts")
         .on_hover_text("Mark pixels whose 3-D vote is another label. Using the vote changes these and some pixels at borders");
     ui.horizontal_wrapped(|ui| {
-        let can = session.conflicts.contains_key(&view.frame);
-        for (action, text, enabled) in [
-            (Action::NextWorst, "Next conflict", true),
-            (Action::AcceptVote, "Use 3-D vote", can),
-            (
-                Action::AcceptLabelVote,
-                "Only this label",
-                can && view.label.is_some(),
-            ),
+        for (action, text) in [
+            (Action::NextWorst, "Next conflict"),
+            (Action::AcceptVote, "Use 3-D vote"),
+            (Action::AcceptLabelVote, "Only this label"),
         ] {
-            if action_button(ui, &view.prefs.shortcuts, action, text, enabled).clicked() {
+            let reason = action.unavailable(session, view);
+            if action_button(ui, &view.prefs.shortcuts, action, text, reason).clicked() {
                 actions.push(action);
             }
         }

@@ -3,7 +3,7 @@ use ostra_session::JobTask;
 
 use super::jobs::{RunButton, progress_text, run_button_ui};
 use crate::dialogs::{PathField, Pick, PickTarget, path_field_ui};
-use crate::tooltips::{automatic_ui, field, grouped, section_heading};
+use crate::tooltips::{add_explained, automatic_ui, field, grouped, section_heading};
 use crate::{Action, SessionView, ViewState};
 use ostra_project::ResultKind;
 use ostra_session::Command;
@@ -23,7 +23,6 @@ pub(super) fn fuse_ui(
     let button = RunButton {
         action: Action::Fuse,
         task: &JobTask::Fuse,
-        is_enabled: ready,
     };
     run_button_ui(ui, session, view, &button, actions);
     let text = match (session.running(&JobTask::Fuse), session.cloud) {
@@ -155,9 +154,10 @@ pub(crate) fn instances_ui(
     }
     let request = *request;
     ui.horizontal(|ui| {
-        let accept = ui.add_enabled(found > 0, egui::Button::new("Create instances"));
         let tip = "Create a label for each instance in the cloud and in every mask (can be undone)";
-        if accept.on_hover_text(tip).clicked() {
+        let reason = (found == 0).then_some("No instance was found with these settings");
+        let accept = egui::Button::new("Create instances");
+        if add_explained(ui, accept, tip, reason).clicked() {
             out.push(Command::Instances(request));
             view.instances = None;
         }

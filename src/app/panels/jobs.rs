@@ -39,7 +39,7 @@ pub(crate) fn status_ui(
                 ui.weak(format!("{} points", grouped(cloud.len())));
             }
             if let Some(job) = session.slow_jobs().last() {
-                let button = action_button(ui, &view.prefs.shortcuts, Action::Stop, "Stop", true);
+                let button = action_button(ui, &view.prefs.shortcuts, Action::Stop, "Stop", None);
                 if button.accessible_name("Stop running job").clicked() {
                     actions.push(Action::Stop);
                 }
@@ -128,7 +128,7 @@ pub(crate) fn jobs_ui(
             ui.weak("You can go on labelling meanwhile");
         }
     }
-    if action_button(ui, &view.prefs.shortcuts, Action::Stop, "Stop all", true).clicked() {
+    if action_button(ui, &view.prefs.shortcuts, Action::Stop, "Stop all", None).clicked() {
         actions.push(Action::Stop);
     }
 }
@@ -137,7 +137,6 @@ pub(crate) fn jobs_ui(
 pub(super) struct RunButton<'a> {
     pub action: Action,
     pub task: &'a JobTask,
-    pub is_enabled: bool,
 }
 
 /// Draws the button that starts a task, or stops it while it runs.
@@ -153,9 +152,9 @@ pub(super) fn run_button_ui(
     } else {
         (button.action, button.task.title())
     };
-    let enabled = button.is_enabled;
+    let unavailable = action.unavailable(session, view);
     let tip = view.prefs.shortcuts.tip(ui.ctx(), action);
-    if primary_button(ui, text, &tip, enabled).clicked() {
+    if primary_button(ui, text, &tip, unavailable).clicked() {
         actions.push(action);
     }
 }

@@ -1,5 +1,8 @@
+use egui::text::CCursorRange;
+use egui::text_edit::TextEditState;
 use egui::{CursorIcon, Key, Response, TextEdit, Ui};
 
+use crate::tooltips::add_explained;
 use crate::{SessionView, ViewState};
 use ostra_cloud::instances::InstanceOptions;
 use ostra_masks::{Label, LabelId, LabelTree};
@@ -32,9 +35,9 @@ pub(super) fn new_label_ui(
             .accessible_name("New label name");
         let entered = edit.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
         let typed = !view.labels.new_name.trim().is_empty();
-        let add = ui
-            .add_enabled(typed, egui::Button::new("Add"))
-            .on_hover_text("Add the label and select it (Enter)");
+        let reason = (!typed).then_some("Type a name first");
+        let tip = "Add the label and select it (Enter)";
+        let add = add_explained(ui, egui::Button::new("Add"), tip, reason);
         if typed && (entered || add.clicked()) {
             let name = std::mem::take(&mut view.labels.new_name).trim().to_owned();
             view.label = Some(session.project.labels.next_id());
@@ -65,6 +68,7 @@ pub(super) fn rename_ui(
     let edit = edit.accessible_name(format!("New name of {}", label.name));
     if std::mem::take(&mut view.labels.focus) {
         edit.request_focus();
+        select_all(ui, &edit, text);
     } else if edit.lost_focus() {
         let name = text.trim().to_owned();
         let given_up = ui.input(|i| i.key_pressed(Key::Escape));
@@ -77,6 +81,14 @@ pub(super) fn rename_ui(
         view.labels.renaming = None;
     }
     true
+}
+
+/// Selects the whole text of a field, so that typing replaces it.
+fn select_all(ui: &Ui, edit: &Response, text: &str) {
+    let mut state = TextEditState::load(ui.ctx(), edit.id).unwrap_or_default();
+    let all = CCursorRange::select_all_str(text);
+    state.cursor.set_char_range(Some(all));
+    state.store(ui.ctx(), edit.id);
 }
 
 /// Draws the context menu of a label.
@@ -101,6 +113,14 @@ pub(super) fn label_menu_ui(
     {
         view.labels.parent = Some(label.id);
     }
+    if ui
+        .button("Show only this label")
+        .on_hover_text("Select the label and hide the other masks on the image")
+        .clicked()
+    {
+        view.label = Some(label.id);
+        view.only_label = true;
+    }
     ui.menu_button("Move under", |ui| move_ui(ui, session, out, label))
         .response
         .on_hover_text("Make the label a child of another label");
@@ -114,15 +134,10 @@ pub(super) fn label_menu_ui(
     merge
         .response
         .on_hover_text("Turn all its pixels, prompts and points into another label");
-    let find = ui.add_enabled(
-        session.root.is_some() && session.cloud.is_some(),
-        egui::Button::new("Find instances"),
-    );
-    let find = find.on_hover_text("Split this class into instances by connected points in 3-D");
-    if find
-        .on_disabled_hover_text("Fuse first: instances are found in the cloud")
-        .clicked()
-    {
+    let can_find = session.root.is_some() && session.cloud.is_some();
+    let reason = (!can_find).then_some("Fuse first: instances are found in the cloud");
+    let tip = "Split this class into instances by connected points in 3-D";
+    if add_explained(ui, egui::Button::new("Find instances"), tip, reason).clicked() {
         view.instances = Some(InstancesRequest {
             label: label.id,
             options: InstanceOptions::default(),
@@ -134,24 +149,21 @@ pub(super) fn label_menu_ui(
         .labels
         .iter()
         .any(|other| other.parent == Some(label.id));
-    let remove = ui.add_enabled(!has_children, egui::Button::new("Remove"));
-    let remove = remove.on_hover_text(
-        "Remove the label and its prompts; its pixels become unlabelled (can be undone)",
-    );
-    if remove
-        .on_disabled_hover_text("Remove or move its child labels first")
-        .clicked()
-    {
+    let tip = "Remove the label and its prompts; its pixels become unlabelled (can be undone)";
+    let reason = has_children.then_some("Remove or move its child labels first");
+    if add_explained(ui, egui::Button::new("Remove"), tip, reason).clicked() {
         out.push(Command::RemoveLabel(label.id));
     }
 }
 
 fn move_ui(ui: &mut Ui, session: &SessionView<'_>, out: &mut Vec<Command>, label: &Label) {
     let tree = &session.project.labels;
-    if ui
-        .add_enabled(label.parent.is_some(), egui::Button::new("Top level"))
-        .clicked()
-    {
+    let reason = label
+        .parent
+        .is_none()
+        .then_some("The label is at the top level already");
+    let top = egui::Button::new("Top level");
+    if add_explained(ui, top, "Move the label out of its parent", reason).clicked() {
         out.push(Command::EditLabel(Label {
             parent: None,
             ..label.clone()

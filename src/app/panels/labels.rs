@@ -1,4 +1,4 @@
-use egui::{Color32, Response, RichText, Role, Sense, Ui, WidgetInfo};
+use egui::{Color32, Key, Response, RichText, Role, Sense, TextEdit, Ui, WidgetInfo};
 
 use super::label_edit::{
     ListedLabel, drag_ui, label_menu_ui, listed, new_label_ui, rename_ui, top_level_ui,
@@ -7,6 +7,11 @@ use crate::tooltips::{grouped, icon_button, section_heading};
 use crate::{SessionView, ViewState};
 use ostra_masks::{Label, LabelId};
 use ostra_session::Command;
+
+/// Number of labels above which the list has a field to find one.
+const FILTER_FROM: usize = 8;
+/// Width of the button that clears this field.
+const CLEAR_WIDTH: f32 = 22.0;
 
 /// Draws the label tree: select, show and hide, rename, recolour, move, add and remove.
 pub(crate) fn labels_ui(
@@ -21,6 +26,12 @@ pub(crate) fn labels_ui(
             show_all_ui(ui, session, view);
         });
     });
+    let rows = listed(&session.project.labels);
+    if rows.len() > FILTER_FROM {
+        filter_ui(ui, view, &rows);
+    } else {
+        view.labels.filter.clear();
+    }
     // The field for a new label stays in sight however many labels there are.
     egui::Panel::bottom("new label")
         .resizable(false)
@@ -31,15 +42,60 @@ pub(crate) fn labels_ui(
         .id_salt("labels")
         .auto_shrink([false, false])
         .show(ui, |ui| {
-            let rows = listed(&session.project.labels);
             if rows.is_empty() {
                 ui.weak("No labels yet. Click on an object in the image.");
             }
-            for row in &rows {
+            let shown = rows.iter().filter(|row| is_listed(session, view, row));
+            let shown: Vec<_> = shown.collect();
+            if shown.is_empty() && !rows.is_empty() {
+                ui.weak("No label has this text in its name");
+            }
+            for row in shown {
                 label_row_ui(ui, session, view, out, row);
             }
+            view.labels.reveal = false;
             top_level_ui(ui, session, out);
         });
+}
+
+/// Draws the field that limits the list to labels with a text in their name.
+fn filter_ui(ui: &mut Ui, view: &mut ViewState, rows: &[ListedLabel]) {
+    ui.horizontal(|ui| {
+        let width = ui.available_width() - CLEAR_WIDTH;
+        let edit = TextEdit::singleline(&mut view.labels.filter)
+            .hint_text("Find label")
+            .desired_width(width);
+        let tip = "List only labels with this text in their name; Enter selects the first";
+        let edit = ui
+            .add(edit)
+            .on_hover_text(tip)
+            .accessible_name("Find label");
+        if edit.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter)) {
+            let has_text = |row: &&ListedLabel| contains(&row.label.name, &view.labels.filter);
+            let found = rows.iter().find(has_text).map(|row| row.label.id);
+            view.label = found.or(view.label);
+        }
+        if !view.labels.filter.is_empty()
+            && icon_button(ui, "×", "Show all names", "List all labels").clicked()
+        {
+            view.labels.filter.clear();
+        }
+    });
+}
+
+fn contains(name: &str, text: &str) -> bool {
+    name.to_lowercase().contains(&text.trim().to_lowercase())
+}
+
+/// Returns `true` if the label or one of its descendants has the text of the filter in its name.
+fn is_listed(session: &SessionView<'_>, view: &ViewState, row: &ListedLabel) -> bool {
+    let (tree, filter) = (&session.project.labels, &view.labels.filter);
+    let has_text = |label: &Label| contains(&label.name, filter);
+    has_text(&row.label)
+        || tree
+            .descendants(row.label.id)
+            .iter()
+            .any(|&id| tree.get(id).is_some_and(has_text))
 }
 
 /// Adds a label with an unused name, selects it and starts renaming it.
@@ -143,7 +199,11 @@ fn name_ui(
     } else {
         String::new()
     };
-    let response = selectable_row(ui, view.label == Some(label.id), &key, &label.name);
+    let is_selected = view.label == Some(label.id);
+    let (response, is_cut) = selectable_row(ui, is_selected, &key, &label.name);
+    if is_selected && view.labels.reveal {
+        response.scroll_to_me(None);
+    }
     let tip = if number < 9 {
         format!(
             "Select the label ({}); double-click renames, drag moves, Alt+click isolates, right click for more",
@@ -151,6 +211,11 @@ fn name_ui(
         )
     } else {
         "Select the label; double-click renames, drag moves, Alt+click isolates, right click for more".into()
+    };
+    let tip = if is_cut {
+        format!("{}\n{tip}", label.name)
+    } else {
+        tip
     };
     let response = response.on_hover_text(tip);
     if response.clicked() && ui.input(|i| i.modifiers.alt) {
@@ -166,7 +231,9 @@ fn name_ui(
 }
 
 /// Draws a row of the available width, with its shortcut in a weak colour before the name.
-fn selectable_row(ui: &mut Ui, selected: bool, key: &str, name: &str) -> Response {
+///
+/// Also returns whether the name is cut off.
+fn selectable_row(ui: &mut Ui, selected: bool, key: &str, name: &str) -> (Response, bool) {
     let (rect, response) = ui.allocate_exact_size(
         egui::vec2(ui.available_width(), 20.0),
         Sense::click_and_drag(),
@@ -188,12 +255,13 @@ fn selectable_row(ui: &mut Ui, selected: bool, key: &str, name: &str) -> Respons
     let mut job = egui::text::LayoutJob::simple_singleline(name.to_owned(), font, color);
     job.wrap = egui::text::TextWrapping::truncate_at_width(rect.right() - 2.0 - left);
     let galley = painter.layout_job(job);
+    let is_cut = galley.elided;
     painter.galley(
         egui::pos2(left, rect.center().y - galley.size().y / 2.0),
         galley,
         color,
     );
-    response
+    (response, is_cut)
 }
 
 fn row_end_ui(

@@ -5,6 +5,7 @@ use super::measure_table::AngleChoice;
 use super::scene_tools::Ruler;
 use crate::SessionView;
 use crate::session_view::labels_of;
+use crate::tooltips::{add_explained, explained};
 use ostra_cloud::measure::{GroundChoice, LengthUnit, TraitRow};
 use ostra_masks::{LabelId, LabelTree};
 use ostra_view::Axes;
@@ -150,14 +151,12 @@ pub(crate) fn ground_ui(
             ui.separator();
             let through = ruler.plane(Axes::of_cameras(&session.project.frames).up);
             let is_through = through.is_some_and(|plane| plane == *ground);
-            let button = ui.add_enabled(
-                through.is_some(),
-                Button::selectable(is_through, "through the ruler's points"),
-            );
-            if button
-                .on_disabled_hover_text("Set three points with the ruler first")
-                .clicked()
-            {
+            let button = Button::selectable(is_through, "through the ruler's points");
+            let tip = "Take the plane through the three points of the ruler";
+            let reason = through
+                .is_none()
+                .then_some("Set three points with the ruler first");
+            if add_explained(ui, button, tip, reason).clicked() {
                 *ground = through.unwrap_or(*ground);
             }
             let is_given = matches!(ground, GroundChoice::Plane { .. });
@@ -231,6 +230,7 @@ pub(crate) fn unit_ui(
         true => "Unit of lengths; 'units' are the units of the scene",
         false => "The scale is not known: measure a known length with the ruler and set the scale",
     };
-    choice.response.on_hover_text(tip).accessible_name(name);
+    let reason = (!choice.response.enabled()).then_some("An angle has no unit of length");
+    explained(choice.response, tip, reason).accessible_name(name);
     *chosen = (unit != of_scene).then_some(unit);
 }

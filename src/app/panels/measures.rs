@@ -6,6 +6,7 @@ use super::measure_settings::{add_angle_ui, angles_ui, ground_ui, unit_ui};
 use super::measure_table::{COLUMNS, Column, Table};
 use super::ruler::scale_note_ui;
 use crate::dialogs::PathRequest;
+use crate::tooltips::add_explained;
 use crate::{Dialog, SessionView, ViewState};
 use ostra_cloud::measure::LengthUnit;
 use ostra_masks::{Label, LabelTree};
@@ -67,11 +68,12 @@ fn settings_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
         unit_ui(ui, "Unit", &mut view.measures.unit, session);
         ui.add_space(8.0);
         add_angle_ui(ui, view.label, &mut view.measures.angles);
-        let button = ui.add_enabled(session.traits.is_some(), Button::new("Export CSV…"));
-        if button
-            .on_hover_text("Save these traits, including those of every part")
-            .clicked()
-        {
+        let tip = "Save these traits, including those of every part";
+        let reason = session
+            .traits
+            .is_none()
+            .then_some("The traits are being measured");
+        if add_explained(ui, Button::new("Export CSV…"), tip, reason).clicked() {
             view.clear_path();
             view.dialog = Some(Dialog::Path(PathRequest::SaveTraits));
         }

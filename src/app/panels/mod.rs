@@ -45,7 +45,7 @@ pub(super) use measure_settings::{ground_ui, unit_ui};
 pub(super) use measure_table::MeasureView;
 pub(super) use measures::measures_ui;
 pub(super) use reconstruct::pairs_in;
-pub(super) use ruler::scale_note_ui;
+pub(super) use ruler::{scale_note_ui, scale_refusal};
 pub(super) use scene_pane::ScenePane;
 pub(super) use scene_select::{has_chosen, selection_ui};
 pub(super) use scene_tools::Ruler;

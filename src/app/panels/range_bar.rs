@@ -2,7 +2,7 @@
 
 use egui::Ui;
 
-use crate::menu::is_possible;
+use crate::menu_entry::menu_entry_ui;
 use crate::tooltips::action_button;
 use crate::{Action, SessionView, ViewState};
 
@@ -38,13 +38,13 @@ pub(super) fn range_bar_ui(
     ui.label(format!("{name}, frames {from}–{to}"))
         .on_hover_text("Frames changed by the buttons; drag over frames of the timeline, or set the ends with the Range menu");
     let drop = Action::DropRange;
-    let button = action_button(ui, &view.prefs.shortcuts, drop, "×", true);
+    let button = action_button(ui, &view.prefs.shortcuts, drop, "×", None);
     if button.accessible_name(drop.text()).clicked() {
         actions.push(drop);
     }
     for (action, text) in &BUTTONS[..IN_BAR] {
-        let possible = is_possible(*action, session, view);
-        let button = action_button(ui, &view.prefs.shortcuts, *action, text, possible);
+        let reason = action.unavailable(session, view);
+        let button = action_button(ui, &view.prefs.shortcuts, *action, text, reason);
         if button.accessible_name(action.text()).clicked() {
             actions.push(*action);
         }
@@ -63,8 +63,7 @@ pub(super) fn range_menu_ui(
     actions: &mut Vec<Action>,
 ) {
     for (action, _) in BUTTONS {
-        let possible = is_possible(action, session, view);
-        if action_button(ui, &view.prefs.shortcuts, action, &action.text(), possible).clicked() {
+        if menu_entry_ui(ui, action, session, view) {
             actions.push(action);
             ui.close();
         }

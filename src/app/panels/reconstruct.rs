@@ -51,7 +51,6 @@ pub(super) fn reconstruct_ui(
     let button = RunButton {
         action: Action::Reconstruct,
         task: &JobTask::Reconstruct,
-        is_enabled: session.has_frames(),
     };
     run_button_ui(ui, session, view, &button, actions);
     if let Some(job) = session.running(&JobTask::Reconstruct) {
@@ -109,7 +108,7 @@ pub(super) fn reconstruct_advanced_ui(
     if session.sparse.is_some() {
         let action = Action::ToggleMatches;
         let text = "Cameras and matches";
-        if action_button(ui, &view.prefs.shortcuts, action, text, true).clicked() {
+        if action_button(ui, &view.prefs.shortcuts, action, text, None).clicked() {
             actions.push(action);
         }
     }

@@ -2,6 +2,7 @@ use egui::{ComboBox, DragValue, Key, Rect, Ui};
 
 use super::measure_settings::unit_ui;
 use super::scene_tools::{Ruler, RulerKind};
+use crate::tooltips::{action_button, add_explained};
 use crate::{Action, SessionView, ViewState};
 use ostra_cloud::measure::{Dimension, LengthUnit};
 use ostra_frames::Frame;
@@ -208,25 +209,20 @@ fn undo_ui(ui: &mut Ui, ruler: &mut Ruler) {
     let by_key = has_points
         && !ui.ctx().text_edit_focused()
         && ui.input(|input| input.key_pressed(Key::Backspace));
-    let none = "No point is set yet";
-    let undo = ui.add_enabled(has_points, egui::Button::new("Undo click"));
-    let undo = undo
-        .on_hover_text("Remove the last point (Backspace or right click)")
-        .on_disabled_hover_text(none);
+    let none = (!has_points).then_some("No point is set yet");
+    let tip = "Remove the last point (Backspace or right click)";
+    let undo = add_explained(ui, egui::Button::new("Undo click"), tip, none);
     if undo.clicked() || by_key {
         ruler.undo_click();
     }
-    let clear = ui.add_enabled(has_points, egui::Button::new("Clear"));
-    let clear = clear
-        .on_hover_text("Remove all points")
-        .on_disabled_hover_text(none);
-    if clear.clicked() {
+    let clear = egui::Button::new("Clear");
+    if add_explained(ui, clear, "Remove all points", none).clicked() {
         ruler.points.clear();
     }
 }
 
 /// Returns why the scale cannot be set now.
-fn scale_refusal(session: &SessionView<'_>, ruler: &Ruler) -> Option<&'static str> {
+pub(crate) fn scale_refusal(session: &SessionView<'_>, ruler: &Ruler) -> Option<&'static str> {
     let frames = &session.project.frames;
     let is_measured = |frame: &Frame| frame.has_sensor_depth() && frame.posed_camera().is_some();
     let is_known = session.project.coordinates().unit != LengthUnit::World;
@@ -254,7 +250,6 @@ fn scale_ui(
     view: &mut ViewState,
     actions: &mut Vec<Action>,
 ) {
-    let refusal = scale_refusal(session, &view.ruler);
     let unit = view.ruler.length_unit;
     ui.label("True length");
     let length = DragValue::new(&mut view.ruler.length)
@@ -278,12 +273,9 @@ fn scale_ui(
         .response
         .on_hover_text("Unit of the true length")
         .accessible_name("Unit of the true length");
-    let button = ui.add_enabled(refusal.is_none(), egui::Button::new("Set scale"));
-    let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::SetScale);
-    let button = button
-        .on_hover_text(tip)
-        .on_disabled_hover_text(refusal.unwrap_or_default());
-    if button.clicked() {
-        actions.push(Action::SetScale);
+    let action = Action::SetScale;
+    let refusal = action.unavailable(session, view);
+    if action_button(ui, &view.prefs.shortcuts, action, "Set scale", refusal).clicked() {
+        actions.push(action);
     }
 }

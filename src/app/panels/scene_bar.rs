@@ -209,7 +209,7 @@ fn icon_ui(
         name,
         tip: &view.prefs.shortcuts.tip(ui.ctx(), action),
         selected,
-        enabled: true,
+        unavailable: None,
     };
     button.show(ui, in_menu).clicked()
 }
@@ -248,7 +248,7 @@ fn switch_ui(ui: &mut Ui, view: &mut ViewState, item: SceneTool, in_menu: bool) 
         name,
         tip,
         selected: Some(*value),
-        enabled: has_frusta || name != "Images",
+        unavailable: (!has_frusta && name == "Images").then_some("Show the cameras first"),
     };
     if button.show(ui, in_menu).clicked() {
         *value = !*value;

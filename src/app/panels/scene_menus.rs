@@ -3,7 +3,7 @@
 use egui::{ComboBox, DragValue, Slider, Ui};
 
 use crate::scene_prefs::{ClipSides, Slice};
-use crate::tooltips::action_button;
+use crate::tooltips::{action_button, add_explained};
 use crate::{Action, ViewState};
 use ostra_view::Side;
 
@@ -17,7 +17,7 @@ pub(super) fn display_ui(ui: &mut Ui, view: &mut ViewState, actions: &mut Vec<Ac
     ui.horizontal_wrapped(|ui| {
         for side in Side::ALL {
             let action = Action::LookFrom(side);
-            if action_button(ui, &view.prefs.shortcuts, action, side_text(side), true).clicked() {
+            if action_button(ui, &view.prefs.shortcuts, action, side_text(side), None).clicked() {
                 actions.push(action);
             }
         }
@@ -33,13 +33,11 @@ pub(super) fn display_ui(ui: &mut Ui, view: &mut ViewState, actions: &mut Vec<Ac
     let strength = Slider::new(&mut scene.edl_strength, 0.1..=4.0)
         .logarithmic(true)
         .show_value(false);
-    ui.add_enabled_ui(scene.edl, |ui| {
-        ui.horizontal(|ui| {
-            ui.label("Strength");
-            ui.add(strength)
-                .on_hover_text("Strength of the lighting")
-                .accessible_name("Lighting strength");
-        });
+    ui.horizontal(|ui| {
+        ui.label("Strength");
+        let reason = (!scene.edl).then_some("Switch on eye-dome lighting first");
+        add_explained(ui, strength, "Strength of the lighting", reason)
+            .accessible_name("Lighting strength");
     });
     background_ui(ui, &mut scene.background);
     ui.checkbox(&mut scene.scale_bar, "Scale bar")
@@ -54,9 +52,8 @@ pub(super) fn display_ui(ui: &mut Ui, view: &mut ViewState, actions: &mut Vec<Ac
             .logarithmic(true)
             .show_value(false);
         let tip = "Size of cameras and their images";
-        ui.add_enabled(view.prefs.frusta, frustum)
-            .on_hover_text(tip)
-            .accessible_name("Size of cameras");
+        let reason = (!view.prefs.frusta).then_some("Show the cameras first");
+        add_explained(ui, frustum, tip, reason).accessible_name("Size of cameras");
     });
     ui.horizontal(|ui| {
             ui.label("Others");

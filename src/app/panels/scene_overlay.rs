@@ -226,7 +226,8 @@ pub(super) fn blend(
         return;
     };
     let tint = Color32::WHITE.gamma_multiply(opacity);
-    let mut mesh = Mesh::with_texture(textures.image(ui.ctx(), &image).id());
+    let texture = textures.image(ui.ctx(), &image, view.tone);
+    let mut mesh = Mesh::with_texture(texture.id());
     let project = |ray: DVec3| {
         Some(to_screen(
             viewport,

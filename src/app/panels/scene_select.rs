@@ -7,7 +7,7 @@ use super::scene_content::SceneViewport;
 use super::scene_picks::VisibleScene;
 use super::scene_tools::{SceneSelect, SelectShape};
 use crate::pointer::pointer_path;
-use crate::tooltips::action_button;
+use crate::tooltips::{action_button, add_explained};
 use crate::{Action, SessionView, ViewState};
 use ostra_cloud::select::{SeenRegion, SelectStep, Selection};
 use ostra_masks::LabelId;
@@ -16,6 +16,9 @@ use ostra_project::ResultKind;
 const COLOR: Color32 = Color32::from_rgb(255, 80, 205);
 /// Maximum number of marked points. Of more, an even sample is marked.
 const MARKED: usize = 20_000;
+
+/// Reason for disabled controls while no points are selected.
+const NOTHING_SELECTED: &str = "Draw around points first";
 
 const SHAPES: [(SelectShape, &str, &str); 3] = [
     (SelectShape::Lasso, "Lasso", "Drag around points"),
@@ -66,7 +69,7 @@ pub(crate) fn selection_ui(
 ) {
     shape_ui(ui, &mut view.scene_select);
     ui.horizontal_wrapped(|ui| count_ui(ui, session, &mut view.scene_select));
-    ui.add_enabled_ui(has_chosen(session, view), |ui| steps_ui(ui, session, view));
+    steps_ui(ui, session, view);
     ui.separator();
     correct_ui(ui, session, view, actions);
 }
@@ -153,52 +156,46 @@ fn count_ui(ui: &mut Ui, session: &SessionView<'_>, select: &mut SceneSelect) {
         },
     };
     ui.label(text);
-    let back = ui.add_enabled(
-        !select.steps.is_empty(),
-        egui::Button::new("Undo selection"),
-    );
-    if back
-        .on_hover_text("Undo the last change of the selection")
-        .clicked()
-    {
+    let reason = select.steps.is_empty().then_some(NOTHING_SELECTED);
+    let back = egui::Button::new("Undo selection");
+    if add_explained(ui, back, "Undo the last change of the selection", reason).clicked() {
         select.steps.pop();
     }
 }
 
 /// Draws the controls that grow or reduce the selection.
 fn steps_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
+    let none = (!has_chosen(session, view)).then_some(NOTHING_SELECTED);
     let (select, label) = (&mut view.scene_select, view.label);
     ui.horizontal(|ui| {
-        if ui
-            .button("Grow")
-            .on_hover_text("Add similar points nearby")
-            .clicked()
-        {
+        let grow = egui::Button::new("Grow");
+        if add_explained(ui, grow, "Add similar points nearby", none).clicked() {
             select.steps.push(SelectStep::Grow(select.likeness));
         }
         let angle = DragValue::new(&mut select.likeness.normal_deg)
             .range(0.0..=180.0)
             .suffix("°")
             .max_decimals(0);
-        ui.name_inputs("Angle of normals", |ui| ui.add(angle))
-            .on_hover_text("Largest angle between the normals of neighbouring points");
+        let tip = "Largest angle between the normals of neighbouring points";
+        ui.name_inputs("Angle of normals", |ui| add_explained(ui, angle, tip, none));
         let color = DragValue::new(&mut select.likeness.color)
             .range(0.0..=100.0)
             .prefix("ΔE ")
             .max_decimals(0);
-        ui.name_inputs("Difference of colour", |ui| ui.add(color))
-            .on_hover_text("Largest colour difference from the starting points");
+        let tip = "Largest colour difference from the starting points";
+        ui.name_inputs("Difference of colour", |ui| {
+            add_explained(ui, color, tip, none)
+        });
     });
     let pieces = session
         .chosen
         .and_then(Result::ok)
         .map_or(1, |chosen| chosen.pieces.max(1));
     ui.horizontal(|ui| {
-        let keep = ui.add_enabled(pieces > 1, egui::Button::new("Keep part"));
-        if keep
-            .on_hover_text("Split the points into connected parts and keep one")
-            .clicked()
-        {
+        let single = (pieces < 2).then_some("The selected points are one part");
+        let tip = "Split the points into connected parts and keep one";
+        let keep = egui::Button::new("Keep part");
+        if add_explained(ui, keep, tip, none.or(single)).clicked() {
             select
                 .steps
                 .push(SelectStep::Piece(select.piece.clamp(1, pieces) - 1));
@@ -207,18 +204,18 @@ fn steps_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
         let piece = DragValue::new(&mut select.piece)
             .range(1..=pieces)
             .speed(0.05);
-        ui.name_inputs("Part", |ui| ui.add(piece))
-            .on_hover_text("1 is the largest");
+        ui.name_inputs("Part", |ui| {
+            add_explained(ui, piece, "1 is the largest", none)
+        });
         ui.weak(format!("of {pieces}"));
     });
     let name = label
         .and_then(|label| session.project.labels.get(label))
         .map_or("label", |label| label.name.as_str());
-    let only = ui.add_enabled(label.is_some(), egui::Button::new(format!("Only {name}")));
-    if only
-        .on_hover_text("Keep only points of the selected label")
-        .clicked()
-    {
+    let no_label = label.is_none().then_some("Select a label first");
+    let only = egui::Button::new(format!("Only {name}"));
+    let tip = "Keep only points of the selected label";
+    if add_explained(ui, only, tip, none.or(no_label)).clicked() {
         select.steps.extend(label.map(SelectStep::Only));
     }
 }
@@ -232,7 +229,6 @@ fn correct_ui(
 ) {
     ui.checkbox(&mut view.scene_select.as_keyframes, "As keyframes")
         .on_hover_text("Make the changed frames keyframes, which tracking does not overwrite");
-    let any = has_chosen(session, view);
     let label = view
         .label
         .and_then(|label| session.project.labels.get(label));
@@ -241,19 +237,14 @@ fn correct_ui(
     });
     let shortcuts = &view.prefs.shortcuts;
     ui.horizontal(|ui| {
-        if action_button(
-            ui,
-            shortcuts,
-            Action::AssignChosen,
-            &text,
-            any && label.is_some(),
-        )
-        .clicked()
-        {
-            actions.push(Action::AssignChosen);
-        }
-        if action_button(ui, shortcuts, Action::ClearChosen, "Clear", any).clicked() {
-            actions.push(Action::ClearChosen);
+        for (action, text) in [
+            (Action::AssignChosen, text.as_str()),
+            (Action::ClearChosen, "Clear"),
+        ] {
+            let reason = action.unavailable(session, view);
+            if action_button(ui, shortcuts, action, text, reason).clicked() {
+                actions.push(action);
+            }
         }
     });
 }

@@ -10,7 +10,6 @@ use super::step_header::{StepHeader, title};
 use super::suggestions::{suggestions_ui, text_prompt_ui};
 use super::track::{segmenter_ui, track_advanced_ui, track_ui};
 use crate::action::Requests;
-use crate::menu::is_possible;
 use crate::tooltips::{action_button, grouped, primary_button, section_heading};
 use crate::{Action, SessionView, ViewState};
 use ostra_project::workflow::{StepStatus, Workflow, WorkflowInput, WorkflowStep, workflow};
@@ -155,7 +154,8 @@ fn advanced(ui: &mut Ui, step: WorkflowStep, content: impl FnOnce(&mut Ui)) {
 fn label_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState, requests: &mut Requests) {
     let action = Action::AddLabel;
     let tip = view.prefs.shortcuts.tip(ui.ctx(), action);
-    if primary_button(ui, "New label", &tip, is_possible(action, session, view)).clicked() {
+    let reason = action.unavailable(session, view);
+    if primary_button(ui, "New label", &tip, reason).clicked() {
         requests.actions.push(action);
     }
     section_heading(ui, "Find by text");
@@ -175,13 +175,14 @@ fn measure_ui(
 ) {
     let action = Action::Export;
     let tip = view.prefs.shortcuts.tip(ui.ctx(), action);
-    if primary_button(ui, "Export…", &tip, is_possible(action, session, view)).clicked() {
+    let reason = action.unavailable(session, view);
+    if primary_button(ui, "Export…", &tip, reason).clicked() {
         requests.actions.push(action);
     }
     ui.horizontal(|ui| {
         let action = Action::ToggleMeasures;
-        let possible = is_possible(action, session, view);
-        let button = action_button(ui, &view.prefs.shortcuts, action, "Measures", possible);
+        let reason = action.unavailable(session, view);
+        let button = action_button(ui, &view.prefs.shortcuts, action, "Measures", reason);
         if button.clicked() {
             requests.actions.push(action);
         }

@@ -4,9 +4,8 @@ use ostra_session::JobTask;
 use super::labels::add_label;
 use crate::action::Requests;
 use crate::canvas::id_at;
-use crate::menu::is_possible;
 use crate::panel_state::MIN_SHOWN_SCORE;
-use crate::tooltips::action_button;
+use crate::tooltips::{action_button, add_explained};
 use crate::{Action, SessionView, ViewState};
 use ostra_masks::LabelId;
 use ostra_session::{Command, EngineKind, FoundThing, Suggestion, TakeRequest};
@@ -42,20 +41,26 @@ pub(crate) fn text_prompt_ui(
         .engines_of(EngineKind::Grounder)
         .next()
         .map_or("", |engine| engine.needs);
-    let ready =
-        installed && session.has_frames() && session.running(&JobTask::FindByText).is_none();
-    ui.add_enabled_ui(ready, |ui| {
-        ui.horizontal(|ui| {
-            let width = (ui.available_width() - 52.0).max(60.0);
-            let edit = TextEdit::singleline(&mut view.text_prompt.text).hint_text("banana; cup").desired_width(width);
-            let tip = "Objects to find on this frame, separated by ';'; each text becomes a label, each object an instance";
-            let edit = ui.add(edit).on_hover_text(tip).on_disabled_hover_text(format!("Needs {needs}"));
-            let edit = edit.accessible_name("Text to find");
-            let entered = edit.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
-            if ui.button("Find").on_hover_text(tip).clicked() || entered {
-                out.extend(view.text_prompt.request(view.frame));
-            }
-        });
+    let needs = format!("Needs {needs}; see File › Networks");
+    let unavailable = if !installed {
+        Some(needs.as_str())
+    } else if session.running(&JobTask::FindByText).is_some() {
+        Some("A search by text is running")
+    } else {
+        (!session.has_frames()).then_some("Add frames to the project first")
+    };
+    ui.horizontal(|ui| {
+        let width = (ui.available_width() - 52.0).max(60.0);
+        let edit = TextEdit::singleline(&mut view.text_prompt.text)
+            .hint_text("banana; cup")
+            .desired_width(width);
+        let tip = "Objects to find on this frame, separated by ';'; each text becomes a label, each object an instance";
+        let edit = add_explained(ui, edit, tip, unavailable).accessible_name("Text to find");
+        let entered = edit.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
+        let find = add_explained(ui, egui::Button::new("Find"), tip, unavailable);
+        if find.clicked() || entered {
+            out.extend(view.text_prompt.request(view.frame));
+        }
     });
     if session
         .grounding
@@ -132,8 +137,8 @@ pub(crate) fn suggestions_ui(
             (Action::Suggest, "Find unlabelled objects"),
             (Action::Propose, "Propose objects here"),
         ] {
-            let possible = !is_running && is_possible(action, session, view);
-            if action_button(ui, &view.prefs.shortcuts, action, text, possible).clicked() {
+            let reason = action.unavailable(session, view);
+            if action_button(ui, &view.prefs.shortcuts, action, text, reason).clicked() {
                 requests.actions.push(action);
             }
         }

@@ -2,8 +2,7 @@ use egui::{Checkbox, DragValue, Ui};
 use ostra_session::JobTask;
 
 use super::jobs::{RunButton, progress_text, run_button_ui};
-use crate::menu::is_possible;
-use crate::tooltips::field;
+use crate::tooltips::{add_explained, field};
 use crate::{Action, SessionView, ViewState};
 use ostra_frames::Frame;
 use ostra_masks::Direction;
@@ -26,7 +25,6 @@ pub(super) fn track_ui(
     let button = RunButton {
         action: Action::Track,
         task: &JobTask::Track,
-        is_enabled: keyframes > 0,
     };
     run_button_ui(ui, session, view, &button, actions);
     let text = match (session.running(&JobTask::Track), keyframes) {
@@ -105,10 +103,7 @@ fn constrain_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     let tip = "Compare the masks with keyframes re-projected through depth and cameras: where they disagree, geometry wins, and \
                an object that was swapped, drifted or lost is tracked again from there";
     let checkbox = Checkbox::new(&mut view.track.constrain, "Check by geometry");
-    let response = ui
-        .add_enabled(hindrance.is_none(), checkbox)
-        .on_hover_text(tip);
-    response.on_disabled_hover_text(hindrance.unwrap_or_default());
+    add_explained(ui, checkbox, tip, hindrance);
 }
 
 /// Draws the option to pause tracking below a confidence.
@@ -130,10 +125,8 @@ fn pause_ui(ui: &mut Ui, pause_below: &mut Option<f32>) {
             .speed(0.3)
             .max_decimals(0)
             .suffix(" %");
-        let drag = ui
-            .add_enabled(on, drag)
-            .on_hover_text(tip)
-            .accessible_name("Pause below confidence");
+        let reason = (!on).then_some("Tick the box before it first");
+        let drag = add_explained(ui, drag, tip, reason).accessible_name("Pause below confidence");
         if drag.changed() {
             *pause_below = Some(percent / 100.0);
         }
@@ -170,17 +163,9 @@ fn retrack_ui(
     actions: &mut Vec<Action>,
 ) {
     let action = Action::Retrack;
-    let possible = session.running(&JobTask::Track).is_none() && is_possible(action, session, view);
     let tip = view.prefs.shortcuts.tip(ui.ctx(), action);
-    let text = action.text();
-    let button = ui.add_enabled(possible, egui::Button::new(&text).wrap());
-    let reason =
-        "Correct a tracked frame first; its label is then tracked again up to the next keyframes";
-    if button
-        .on_hover_text(tip)
-        .on_disabled_hover_text(reason)
-        .clicked()
-    {
+    let button = egui::Button::new(action.text()).wrap();
+    if add_explained(ui, button, &tip, action.unavailable(session, view)).clicked() {
         actions.push(action);
     }
 }
@@ -288,8 +273,6 @@ fn engine_row_ui<I: EngineName>(ui: &mut Ui, engine: &EngineInfo, id: I, selecte
         (name, false) => format!("{name} (not installed)"),
     };
     let tip = format!("Needs {}", engine.needs);
-    let row = ui.add_enabled(engine.installed, egui::Button::selectable(selected, text));
-    row.on_hover_text(&tip)
-        .on_disabled_hover_text(tip)
-        .clicked()
+    let reason = (!engine.installed).then_some("It is not installed; see File › Networks");
+    add_explained(ui, egui::Button::selectable(selected, text), &tip, reason).clicked()
 }
