@@ -82,7 +82,7 @@ def bananas(window, data):
     window.click(re.compile("^Cameras & depth: "))
     window.click("Advanced")
     window.click("Automatic", "check box")
-    window.click("Longest side", "spin button")
+    window.click("Longest side", last=True)
     window.key("ctrl+a")
     window.type("480")
     window.key("Return")
