@@ -80,7 +80,7 @@ pub(super) fn is_possible(action: Action, session: &SessionView<'_>, view: &View
         }
         A::CopyMask => view
             .label
-            .is_some_and(|label| view.presence.on_frame(view.frame).contains(&label)),
+            .is_some_and(|label| view.frames.presence.on_frame(view.frame).contains(&label)),
         A::ChoosePoints | A::AttachFragments => session.votes.is_some(),
         A::AssignChosen => has_chosen(session, view) && view.label.is_some(),
         A::ClearChosen => has_chosen(session, view),
@@ -97,7 +97,8 @@ pub(super) fn is_possible(action: Action, session: &SessionView<'_>, view: &View
             .iter()
             .any(|frame| frame.posed_camera().is_some()),
         A::SetScale => view.ruler.command().is_some(),
-        A::Reconstruct | A::Fit | A::ActualSize | A::NextUncertain => session.has_frames(),
+        A::NextUncertain => view.frames.review.next_after(view.frame).is_some(),
+        A::Reconstruct | A::Fit | A::ActualSize => session.has_frames(),
         A::TogglePanels | A::SwapPanes | A::StackPanes | A::MovePanel => {
             session.has_frames() || session.inspected.is_some()
         }
@@ -106,7 +107,9 @@ pub(super) fn is_possible(action: Action, session: &SessionView<'_>, view: &View
         | A::Back10
         | A::Forward10
         | A::FirstFrame
-        | A::LastFrame => session.has_frames(),
+        | A::LastFrame
+        | A::GoToFrame => session.has_frames(),
+        A::TogglePlay => session.project.frames.len() > 1,
         _ => true,
     }
 }

@@ -5,18 +5,19 @@ use egui::{
 use super::action::Requests;
 use super::centre::{Parts, centre_ui};
 use super::dialogs::{
-    export_ui, exported_ui, help_ui, image_ui, into_ui, models_ui, new_project_ui, palette_ui,
-    path_ui, relocate_ui, sheet_ui, take_picked,
+    export_ui, exported_ui, go_to_frame_ui, help_ui, image_ui, into_ui, models_ui, new_project_ui,
+    palette_ui, path_ui, relocate_ui, sheet_ui, take_picked,
 };
 use super::leave::{Leaving, leaving_ui, waiting_ui};
 use super::menu::{is_possible, menu_bar_ui};
 use super::notices::notices_ui;
 use super::panels::{
-    FILMSTRIP_HEIGHT, HEAT_HEIGHT, ROW, ScenePane, cloud_labels_ui, filmstrip_ui, heat_ui,
+    FILMSTRIP_HEIGHT, HEADER, HEAT_HEIGHT, ScenePane, cloud_labels_ui, filmstrip_ui, heat_ui,
     instances_ui, jobs_ui, keep_track_valid, labels_ui, matches_ui, point_ui, selection_ui,
-    status_ui, step_strip_ui, steps_ui, timeline_ui, unfinished_ui, welcome_ui,
+    status_ui, step_strip_ui, steps_ui, timeline_height, timeline_ui, unfinished_ui, welcome_ui,
 };
 use super::perform::perform;
+use super::player::play;
 use super::textures::Textures;
 use super::tooltips::{icon_button, section_heading};
 use super::{Action, Dialog, Prefs, SessionView, ViewState};
@@ -27,8 +28,6 @@ use ostra_view::Orbit;
 const NARROW: f32 = 1000.0;
 /// Width of the side panel in a window of common size.
 const SIDE_WIDTH: f32 = 232.0;
-/// Rows of the timeline that are visible without scrolling.
-const TIMELINE_ROWS: f32 = 2.5;
 
 /// Everything that is drawn, without the session behind it: a view in, commands out.
 pub struct Shell {
@@ -98,10 +97,21 @@ impl Shell {
     pub fn ui(&mut self, ui: &mut Ui, session: &SessionView<'_>) -> Vec<Command> {
         let mut requests = Requests::default();
         self.view.keep_valid(session);
-        self.view.presence.update(session.project);
+        let flag_below = self.view.prefs.flag_below;
+        self.view.frames.update(session, flag_below);
+        let style = self.view.overlay_style();
+        let masks = &mut self.textures.masks;
+        masks.set_looks(&session.project.labels, &style);
         self.view.draft.follow(session.project);
         keep_track_valid(session, &mut self.view);
         take_picked(ui.ctx(), &mut self.view, &mut requests.commands);
+        let may_play = session.has_frames()
+            && self.view.dialog.is_none()
+            && !self.leaving.is_asking()
+            && !takes_keys(ui.ctx());
+        let masks = &mut self.textures.masks;
+        let tapped = play(ui.ctx(), session, &mut self.view, masks, may_play);
+        requests.actions.extend(tapped);
         if !self.leaving.is_asking() {
             requests
                 .actions
@@ -132,6 +142,9 @@ impl Shell {
         for action in actions {
             perform(action, ui.ctx(), session, &mut self.view, &mut commands);
         }
+        if !commands.is_empty() {
+            self.view.playback.pause();
+        }
         self.leaving
             .hold_back(ui.ctx(), session.jobs, &mut commands);
         for images in [session.images, session.survey_images]
@@ -140,6 +153,7 @@ impl Shell {
         {
             images.turn();
         }
+        self.textures.masks.turn(ui.ctx());
         commands
     }
 
@@ -189,10 +203,14 @@ impl Shell {
             });
         // The place is kept without labels too, so that the image does not move when they come.
         if self.view.prefs.timeline {
-            Panel::bottom("timeline rows")
+            let labels = session.project.labels.iter().count();
+            let labels = *self.view.first_labels.get_or_insert(labels);
+            let height = timeline_height(labels) + f32::from(strip.inner_margin.top);
+            // A height that the user chose is kept for projects of the same height.
+            Panel::bottom(("timeline rows", height as u32))
                 .resizable(true)
-                .default_size(TIMELINE_ROWS * (ROW + 1.0) + 4.0)
-                .size_range(ROW..=400.0)
+                .default_size(height)
+                .size_range(HEADER..=400.0)
                 .frame(strip)
                 .show(ui, |ui| {
                     timeline_ui(ui, session, &mut self.view, &mut requests.actions);
@@ -300,6 +318,7 @@ impl Shell {
             Some(Dialog::Image) => image_ui(ui, view),
             Some(Dialog::Models) => models_ui(ui, session, view, &mut requests.commands),
             Some(Dialog::Shortcuts) => sheet_ui(ui, view),
+            Some(Dialog::GoToFrame) => go_to_frame_ui(ui, session, view),
             Some(Dialog::Palette) => palette_ui(ui, session, view, &mut requests.actions),
             Some(Dialog::Into(request)) => {
                 into_ui(ui, session, view, request, &mut requests.commands);
@@ -341,6 +360,8 @@ fn pressed(
         view.prefs
             .shortcuts
             .action_for(event)
+            // Playback starts when its key is released.
+            .filter(|&action| action != Action::TogglePlay)
             .filter(|_| !(is_taken(event) || is_tab && is_travelling))
     };
     let actions: Vec<Action> = ctx.input(|input| input.events.iter().filter_map(action).collect());

@@ -3,6 +3,7 @@ use std::sync::Arc;
 
 use egui::{Color32, ColorImage, Context, TextureHandle, TextureOptions};
 
+use super::mask_drawings::MaskDrawings;
 use ostra_frames::Image;
 use ostra_masks::{LabelTree, Region, RunMask};
 use ostra_view::{OverlayStyle, hatch, overlay};
@@ -17,6 +18,9 @@ pub(super) struct Textures {
     vote_mismatch: Option<(Arc<Region>, TextureHandle)>,
     thumbnails: BTreeMap<usize, Thumbnail>,
     small: Vec<CachedImage>,
+    preview: Option<CachedImage>,
+    /// Masks over thumbnails, and over images during playback.
+    pub masks: MaskDrawings,
     clock: u64,
 }
 
@@ -61,6 +65,19 @@ impl Textures {
     /// Returns the texture of the shown image.
     pub fn image(&mut self, ctx: &Context, image: &Arc<Image>) -> TextureHandle {
         image_texture(&mut self.image, ctx, image)
+    }
+
+    /// Returns the texture of a small image in place of the shown one, smooth when magnified.
+    pub fn preview(&mut self, ctx: &Context, image: &Arc<Image>) -> TextureHandle {
+        if let Some((shown, texture)) = &self.preview
+            && Arc::ptr_eq(shown, image)
+        {
+            return texture.clone();
+        }
+        let pixels = fitted(ctx, image.width, image.height, |i| opaque(image.pixels[i]));
+        let texture = ctx.load_texture("preview", pixels, TextureOptions::LINEAR);
+        self.preview = Some((Arc::clone(image), texture.clone()));
+        texture
     }
 
     /// Returns the texture of one of two images shown next to each other.

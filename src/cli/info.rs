@@ -1,14 +1,19 @@
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use clap::Args;
 use serde_json::{Value, json};
 
 use super::drive::Driver;
 use super::print::{print_json, print_text, warn};
+use super::values::share;
+use ostra_cloud::conflicts::FrameConflict;
 use ostra_frames::{Frame, missing_sources};
-use ostra_project::{MaskOrigin, Project, ResultKind};
+use ostra_project::review::{FLAG_BELOW, Review, ReviewCriteria, review};
+use ostra_project::{MaskOrigin, Presence, Project, ResultKind};
 use ostra_session::Unfinished;
 
 #[derive(Debug, Args)]
@@ -18,16 +23,32 @@ pub(super) struct InfoArgs {
     /// Print one JSON object.
     #[arg(long)]
     pub json: bool,
+    /// Tracker confidence of a label below which its frame is to be checked.
+    #[arg(long, value_name = "C", default_value_t = FLAG_BELOW, value_parser = share)]
+    pub flag_below: f32,
+    /// Also check frames whose mask disagrees with the vote; this loads the cloud.
+    #[arg(long)]
+    pub conflicts: bool,
 }
 
 pub(super) fn info(args: &InfoArgs) -> Result<()> {
-    let driver = Driver::view(&args.project)?;
+    let mut driver = Driver::view(&args.project)?;
+    let conflicts = if args.conflicts {
+        known_conflicts(&mut driver)?
+    } else {
+        Arc::default()
+    };
     let project = driver.project()?;
+    let criteria = ReviewCriteria {
+        flag_below: args.flag_below,
+        conflicts: &conflicts,
+    };
+    let review = review(project, &Presence::of(project), criteria);
     warn_of_missing(&missing_sources(&project.frames));
     if args.json {
-        print_json(&as_json(project));
+        print_json(&as_json(project, &review, args.conflicts));
     } else {
-        print_text(&as_text(project));
+        print_text(&as_text(project, &review, args.conflicts));
         if let Some(unfinished) = Unfinished::read(&args.project) {
             print_text(&format!(
                 "reconstruction not finished ({:.0} % done): it is running, or it was interrupted; to continue it, open \
@@ -37,6 +58,16 @@ pub(super) fn info(args: &InfoArgs) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Returns the conflicts of masks with the vote.
+fn known_conflicts(driver: &mut Driver) -> Result<Arc<BTreeMap<usize, FrameConflict>>> {
+    let conflicts = driver.conflicts()?;
+    ensure!(
+        !conflicts.is_empty(),
+        "no votes of the cloud are known; run 'ostra fuse', or leave out --conflicts"
+    );
+    Ok(conflicts)
 }
 
 fn warn_of_missing(missing: &[&Path]) {
@@ -51,12 +82,12 @@ fn warn_of_missing(missing: &[&Path]) {
 }
 
 /// Summarises a project as `info --json` prints it.
-fn as_json(project: &Project) -> Value {
+fn as_json(project: &Project, review: &Review, has_conflicts: bool) -> Value {
     let frames: Vec<Value> = project
         .frames
         .iter()
         .enumerate()
-        .map(|(number, frame)| frame_json(project, number, frame))
+        .map(|(number, frame)| frame_json(project, review, number, frame))
         .collect();
     let labels: Vec<Value> = project
         .labels
@@ -77,11 +108,17 @@ fn as_json(project: &Project) -> Value {
             (result_name(*kind).to_owned(), value)
         })
         .collect();
-    json!({ "format": 1, "origin": project.origin.to_array(), "frames": frames, "labels": labels, "results": results })
+    let counts = json!({
+        "confirmed": review.confirmed, "to_check": review.to_check.len(), "with_conflicts": has_conflicts,
+    });
+    json!({
+        "format": 1, "origin": project.origin.to_array(), "review": counts, "frames": frames, "labels": labels,
+        "results": results,
+    })
 }
 
 /// Summarises a project as readable text.
-fn as_text(project: &Project) -> String {
+fn as_text(project: &Project, review: &Review, has_conflicts: bool) -> String {
     let mut text = String::new();
     let count = |wanted: &str| {
         (0..project.frames.len())
@@ -107,6 +144,17 @@ fn as_text(project: &Project) -> String {
         count("tracked"),
         count("stale"),
         count("none")
+    );
+    let left_out = if project.results.contains_key(&ResultKind::Cloud) && !has_conflicts {
+        ", not counting conflicts with the cloud (--conflicts counts them)"
+    } else {
+        ""
+    };
+    let _ = writeln!(
+        text,
+        "{}, {}{left_out}",
+        review.confirmed_text(),
+        review.to_check_text()
     );
     for label in project.labels.iter() {
         let path: Vec<&str> = project
@@ -136,10 +184,11 @@ fn as_text(project: &Project) -> String {
     text
 }
 
-fn frame_json(project: &Project, number: usize, frame: &Frame) -> Value {
+fn frame_json(project: &Project, review: &Review, number: usize, frame: &Frame) -> Value {
+    let check = review.to_check.get(&number).map_or(&[][..], Vec::as_slice);
     json!({
         "name": frame.name, "width": frame.width, "height": frame.height, "depth": frame.depth.is_some(),
-        "camera": frame.posed_camera().is_some(), "mask": mask_state(project, number),
+        "camera": frame.posed_camera().is_some(), "mask": mask_state(project, number), "check": check,
     })
 }
 

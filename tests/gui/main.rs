@@ -18,9 +18,13 @@ mod canvas;
 #[cfg(test)]
 mod conflicts;
 #[cfg(test)]
+mod counts;
+#[cfg(test)]
 mod desk;
 #[cfg(test)]
 mod dialogs;
+#[cfg(test)]
+mod frames;
 #[cfg(test)]
 mod gallery;
 #[cfg(test)]
@@ -39,6 +43,8 @@ mod measures;
 mod opening;
 #[cfg(test)]
 mod panels;
+#[cfg(test)]
+mod playback;
 #[cfg(test)]
 mod running;
 #[cfg(test)]

@@ -5,6 +5,7 @@ use super::input::{CanvasPointer, canvas_input};
 use super::map::CanvasMap;
 use super::paint;
 use super::prompts::with_click;
+use super::shown_image::{paint_image, paint_played_mask};
 use super::toolbar::toolbar_ui;
 use crate::action::Requests;
 use crate::pointer::HoverDwell;
@@ -12,7 +13,7 @@ use crate::textures::Textures;
 use crate::{SessionView, ViewState};
 use ostra_masks::Click;
 use ostra_session::PromptRequest;
-use ostra_view::{Layer, OverlayStyle, ramp};
+use ostra_view::{Layer, ramp};
 
 /// Draws the shown frame's image with its tool row; returns `true` if the pane is dragged away.
 pub(crate) fn image_pane_ui(
@@ -43,7 +44,9 @@ pub(crate) fn image_pane_ui(
         response: &response,
         map: &map,
     };
-    canvas_input(&pointer, session, view, &mut requests.commands);
+    if !pauses_playback(&pointer, view) {
+        canvas_input(&pointer, session, view, &mut requests.commands);
+    }
     let map = view.zoom.map(pane, size_px);
     view.pointer_px = response
         .hover_pos()
@@ -56,6 +59,20 @@ pub(crate) fn image_pane_ui(
     is_dragged
 }
 
+/// Pauses playback if the image is pressed; returns `true` while that press lasts.
+fn pauses_playback(pointer: &CanvasPointer<'_>, view: &mut ViewState) -> bool {
+    let CanvasPointer { ui, response, .. } = pointer;
+    let (is_pressed, is_down) = ui.input(|input| {
+        let pointer = &input.pointer;
+        let is_pressed = pointer.primary_pressed() || pointer.secondary_pressed();
+        // Space with a drag moves the image.
+        let is_pressed = is_pressed && !input.key_down(egui::Key::Space);
+        (is_pressed, pointer.any_down())
+    });
+    let is_pressed = is_pressed && response.contains_pointer();
+    view.playback.takes_press(is_pressed, is_down)
+}
+
 fn draw(
     ui: &Ui,
     session: &SessionView<'_>,
@@ -66,9 +83,8 @@ fn draw(
     let painter = ui.painter_at(map.pane);
     painter.rect_filled(map.pane, 0.0, ui.visuals().extreme_bg_color);
     if view.layer == Layer::Image {
-        match session.images.and_then(|images| images.image(view.frame)) {
-            Some(image) => paint::texture(&painter, map, textures.image(ui.ctx(), &image).id()),
-            None => placeholder(ui, session, view, map),
+        if !paint_image(&painter, session, view, textures, map) {
+            placeholder(ui, session, view, map);
         }
     } else {
         layer(ui, session, view, textures, map);
@@ -86,14 +102,10 @@ fn draw(
         );
     }
     if view.masks_shown
+        && !paint_played_mask(&painter, session, view, textures, map)
         && let Some(runs) = before.or_else(|| session.project.mask_in_play(view.frame))
     {
-        let prefs = &view.prefs;
-        let style = OverlayStyle {
-            opacity: prefs.opacity,
-            outlines: prefs.outlines,
-            hidden: view.hidden.clone(),
-        };
+        let style = view.overlay_style();
         let texture = textures.mask(ui.ctx(), &runs, &session.project.labels, &style);
         paint::texture(&painter, map, texture.id());
     }
@@ -221,6 +233,7 @@ fn may_preview(ui: &Ui, session: &SessionView<'_>, view: &ViewState) -> bool {
         && view.masks_shown
         && view.tool == Tool::Click
         && view.dialog.is_none()
+        && !view.playback.is_playing()
         && !busy
 }
 

@@ -1,6 +1,7 @@
 //! Panels around the image and the 3-D view, one function per section.
 
 mod conflicts;
+mod counts;
 mod filmstrip;
 mod fuse;
 mod heat;
@@ -29,6 +30,7 @@ mod step_header;
 mod steps;
 mod suggestions;
 mod timeline;
+mod timeline_header;
 mod track;
 mod welcome;
 
@@ -52,6 +54,7 @@ pub(super) use scene_tools::Ruler;
 pub use scene_tools::{InspectedPoint, SceneSelect, SelectShape};
 pub(super) use steps::{step_strip_ui, steps_ui};
 pub(super) use suggestions::{is_explained, offered};
-pub(super) use timeline::{ROW, timeline_ui};
+pub(super) use timeline::{timeline_height, timeline_ui};
+pub(super) use timeline_header::HEADER;
 pub(super) use track::keep_track_valid;
 pub(super) use welcome::welcome_ui;
