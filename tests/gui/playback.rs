@@ -92,7 +92,9 @@ fn speed_loop_and_range_are_chosen_in_the_timeline() {
     let rest = next(&mut harness, 8);
     assert_eq!(rest[7], 6);
     assert!(!is_playing(&harness), "the end of the range");
-    harness.get_by_label("Playback speed").click();
+    harness
+        .get_by_role_and_label(egui::Role::ComboBox, "Playback speed")
+        .click();
     harness.run_steps(3);
     harness.get_by_label("¼×").click();
     harness.run_steps(3);

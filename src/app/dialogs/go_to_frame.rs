@@ -44,7 +44,7 @@ pub(crate) fn go_to_frame_ui(ui: &Ui, session: &SessionView<'_>, view: &mut View
                 cancel.on_hover_text("Stay at this frame (Esc)").clicked()
             })
             .inner;
-        if ui.memory(|memory| memory.focused().is_none()) {
+        if target.is_none() && ui.memory(|memory| memory.focused().is_none()) {
             edit.request_focus();
         }
         is_cancelled
