@@ -1,5 +1,6 @@
 use egui::{
     CentralPanel, Context, Event, FocusDirection, Frame, Key, Margin, Panel, ScrollArea, Ui,
+    UiBuilder,
 };
 
 use super::action::Requests;
@@ -12,9 +13,10 @@ use super::leave::{Leaving, leaving_ui, waiting_ui};
 use super::menu::{is_possible, menu_bar_ui};
 use super::notices::notices_ui;
 use super::panels::{
-    FILMSTRIP_HEIGHT, HEADER, HEAT_HEIGHT, ScenePane, cloud_labels_ui, filmstrip_ui, heat_ui,
-    instances_ui, jobs_ui, keep_track_valid, labels_ui, matches_ui, point_ui, selection_ui,
-    status_ui, step_strip_ui, steps_ui, timeline_height, timeline_ui, unfinished_ui, welcome_ui,
+    CONTROLS_WIDTH, FILMSTRIP_HEIGHT, HEAT_HEIGHT, ScenePane, cloud_labels_ui, filmstrip_ui,
+    heat_ui, instances_ui, jobs_ui, keep_track_valid, labels_ui, matches_ui, play_controls_ui,
+    point_ui, selection_ui, status_ui, step_strip_ui, steps_ui, timeline_height, timeline_rows,
+    timeline_ui, unfinished_ui, welcome_ui,
 };
 use super::perform::perform;
 use super::player::play;
@@ -198,19 +200,29 @@ impl Shell {
             .frame(strip)
             .show(ui, |ui| {
                 ui.spacing_mut().item_spacing.y = 3.0;
-                heat_ui(ui, session, &mut self.view);
-                filmstrip_ui(ui, session, &mut self.view, &mut self.textures);
+                let place = ui.available_rect_before_wrap();
+                let (left, right) = place.split_left_right_at_x(place.left() + CONTROLS_WIDTH);
+                let view = &mut self.view;
+                ui.scope_builder(UiBuilder::new().max_rect(left), |ui| {
+                    play_controls_ui(ui, session, view, &mut requests.actions);
+                });
+                ui.scope_builder(UiBuilder::new().max_rect(right), |ui| {
+                    heat_ui(ui, session, view);
+                    filmstrip_ui(ui, session, view, &mut self.textures);
+                });
             });
         // The place is kept without labels too, so that the image does not move when they come.
         if self.view.prefs.timeline {
             let labels = session.project.labels.iter().count();
-            let labels = *self.view.first_labels.get_or_insert(labels);
-            let height = timeline_height(labels) + f32::from(strip.inner_margin.top);
-            // A height that the user chose is kept for projects of the same height.
-            Panel::bottom(("timeline rows", height as u32))
+            let window = ui.ctx().content_rect().height();
+            let first_rows = &mut self.view.timeline_rows;
+            let rows = *first_rows.get_or_insert_with(|| timeline_rows(labels, window));
+            let height = timeline_height(rows) + f32::from(strip.inner_margin.top);
+            // A height that the user chose is kept for projects with as many rows.
+            Panel::bottom(("timeline rows", rows))
                 .resizable(true)
                 .default_size(height)
-                .size_range(HEADER..=400.0)
+                .size_range(timeline_height(1)..=400.0)
                 .frame(strip)
                 .show(ui, |ui| {
                     timeline_ui(ui, session, &mut self.view, &mut requests.actions);

@@ -55,8 +55,8 @@ pub struct ViewState {
     pub copied: Option<(LabelId, usize)>,
     /// Whether the mask before the last change is shown.
     pub compare: bool,
-    /// Number of labels when the project was first drawn, which decides the timeline's height.
-    pub first_labels: Option<usize>,
+    /// Rows of the timeline that were visible when the project was first drawn.
+    pub timeline_rows: Option<usize>,
     /// Frame at which a drag over the timeline started.
     pub range_from: Option<usize>,
     /// Settings of the Track panel.
@@ -270,7 +270,7 @@ impl ViewState {
             range: None,
             copied: None,
             compare: false,
-            first_labels: None,
+            timeline_rows: None,
             range_from: None,
             track: TrackSettings::default(),
             reconstruct: ReconstructRequest::default(),

@@ -5,7 +5,6 @@ use egui::{Color32, Pos2, Rect, Response, Role, ScrollArea, Sense, Stroke, Ui, V
 use super::heat::{Columns, heat, mark};
 use super::label_edit::{ListedLabel, listed};
 use super::range_bar::range_menu_ui;
-use super::timeline_header::{HEADER, timeline_header_ui};
 use crate::{Action, SessionView, ViewState};
 use ostra_masks::{Label, LabelId};
 use ostra_project::MaskOrigin;
@@ -15,18 +14,24 @@ const ROW: f32 = 24.0;
 const GAP: f32 = 1.0;
 /// Rows that have a place before labels come, so that the image does not move at the first click.
 const RESERVED_ROWS: usize = 2;
-/// Rows that a project with many labels shows at first without scrolling.
-const MAX_ROWS: usize = 5;
+/// Share of the window that the rows of a project with many labels get at first.
+const MAX_SHARE: f32 = 0.07;
 const NAMES: f32 = 120.0;
 /// Minimum width of a frame. If not all frames fit, those around the shown one are drawn.
 const LEAST_WIDTH: f32 = 4.0;
 
-/// Returns the height of the timeline with its header for a number of labels.
-pub(crate) fn timeline_height(labels: usize) -> f32 {
-    HEADER + ROW * labels.clamp(RESERVED_ROWS, MAX_ROWS) as f32
+/// Returns the number of rows that a project shows at first without scrolling.
+pub(crate) fn timeline_rows(labels: usize, window_height: f32) -> usize {
+    let most = (MAX_SHARE * window_height / ROW) as usize;
+    labels.clamp(RESERVED_ROWS, most.max(RESERVED_ROWS))
 }
 
-/// Draws playback and the grid of labels and frames with presence, confidence and marks.
+/// Returns the height of a number of rows.
+pub(crate) fn timeline_height(rows: usize) -> f32 {
+    ROW * rows as f32
+}
+
+/// Draws the grid of labels and frames with presence, confidence and marks.
 ///
 /// A click goes to label and frame, a drag selects a range. The context menu changes the label over
 /// the range.
@@ -36,8 +41,6 @@ pub(crate) fn timeline_ui(
     view: &mut ViewState,
     actions: &mut Vec<Action>,
 ) {
-    ui.spacing_mut().item_spacing.y = 0.0;
-    timeline_header_ui(ui, session, view, actions);
     let rows = listed(&session.project.labels);
     let frames = frames_in_sight(ui, session, view);
     ScrollArea::vertical()

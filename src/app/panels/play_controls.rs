@@ -1,6 +1,6 @@
-//! Row above the timeline: playback and the legend of the marks.
+//! Controls left of the filmstrip: playback and the legend of the marks.
 
-use egui::{Align, ComboBox, Layout, Pos2, Rect, Sense, Ui, UiBuilder, Vec2};
+use egui::{ComboBox, Pos2, Rect, Sense, Ui, Vec2};
 
 use super::filmstrip::{FrameState, badge};
 use super::heat::{CONFIRMED, heat};
@@ -9,26 +9,40 @@ use crate::menu::is_possible;
 use crate::playback::PlaySpeed;
 use crate::{Action, SessionView, ViewState};
 
-/// Height of the row in points.
-pub(crate) const HEADER: f32 = 24.0;
+/// Width of the controls, that of the names in the timeline, so that frames are below each other.
+pub(crate) const CONTROLS_WIDTH: f32 = 120.0;
 
-/// Draws the controls of playback and the button of the legend.
-pub(super) fn timeline_header_ui(
+/// Draws the controls of playback and the button of the legend, left of strip and filmstrip.
+pub(crate) fn play_controls_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &mut ViewState,
     actions: &mut Vec<Action>,
 ) {
-    let size = Vec2::new(ui.available_width(), HEADER);
-    let (rect, _) = ui.allocate_exact_size(size, Sense::hover());
-    let layout = Layout::left_to_right(Align::Center);
-    let mut row = ui.new_child(UiBuilder::new().max_rect(rect).layout(layout));
-    row.set_clip_rect(rect.intersect(ui.clip_rect()));
-    playback_ui(&mut row, session, view, actions);
-    row.menu_button("?", |ui| legend_ui(ui, view))
-        .response
-        .on_hover_text("Explain the marks of filmstrip, strip and timeline")
-        .accessible_name("Legend");
+    ui.spacing_mut().item_spacing = Vec2::splat(3.0);
+    playback_ui(ui, session, view, actions);
+    ui.horizontal(|ui| {
+        speed_ui(ui, view);
+        ui.menu_button("?", |ui| legend_ui(ui, view))
+            .response
+            .on_hover_text("Explain the marks of filmstrip, strip and timeline")
+            .accessible_name("Legend");
+    });
+}
+
+fn speed_ui(ui: &mut Ui, view: &mut ViewState) {
+    let speed = &mut view.prefs.playback.speed;
+    let list = ComboBox::from_id_salt("playback speed")
+        .width(48.0)
+        .selected_text(speed.text())
+        .show_ui(ui, |ui| {
+            for other in PlaySpeed::ALL {
+                ui.selectable_value(speed, other, other.text());
+            }
+        });
+    list.response
+        .on_hover_text("Speed: the frame rate of a video, or four photos per second")
+        .accessible_name("Playback speed");
 }
 
 fn playback_ui(
@@ -56,23 +70,7 @@ fn playback_ui(
         selected: None,
         enabled,
     };
-    if play.show(ui, false).clicked() {
-        actions.push(action);
-    }
     let prefs = &mut view.prefs.playback;
-    ui.name_inputs("Playback speed", |ui| {
-        let speed = ComboBox::from_id_salt("playback speed")
-            .width(48.0)
-            .selected_text(prefs.speed.text())
-            .show_ui(ui, |ui| {
-                for speed in PlaySpeed::ALL {
-                    ui.selectable_value(&mut prefs.speed, speed, speed.text());
-                }
-            });
-        speed
-            .response
-            .on_hover_text("Speed: the frame rate of a video, or four photos per second");
-    });
     let repeat = IconButton {
         icon: Icon::Loop,
         name: "Loop",
@@ -80,9 +78,6 @@ fn playback_ui(
         selected: Some(prefs.loops),
         enabled: true,
     };
-    if repeat.show(ui, false).clicked() {
-        prefs.loops = !prefs.loops;
-    }
     let stop = IconButton {
         icon: Icon::Flag,
         name: "Stop at frames to check",
@@ -90,9 +85,13 @@ fn playback_ui(
         selected: Some(prefs.stops),
         enabled: true,
     };
-    if stop.show(ui, false).clicked() {
-        prefs.stops = !prefs.stops;
-    }
+    ui.horizontal(|ui| {
+        if play.show(ui, false).clicked() {
+            actions.push(action);
+        }
+        prefs.loops ^= repeat.show(ui, false).clicked();
+        prefs.stops ^= stop.show(ui, false).clicked();
+    });
 }
 
 /// Draws every mark with its meaning.
