@@ -18,7 +18,10 @@ fn frames_to_check_are_counted_and_a_click_goes_to_the_next_one() {
         assert_eq!(harness.state().shell.view.frame, expected);
     }
     let percentage = harness.query_by_label_contains("mean tracker");
-    assert!(percentage.is_none(), "it would praise masks nobody checked");
+    assert!(
+        percentage.is_none(),
+        "it would praise masks that are not checked"
+    );
 }
 
 #[test]

@@ -37,10 +37,18 @@ fn info_counts_confirmed_frames_and_says_which_to_check_and_why() {
     let tracked = info(&project, &[]);
     let counts = json!({ "confirmed": 1, "to_check": 0, "with_conflicts": false });
     assert_eq!(tracked["review"], counts);
-    let strict = info(&project, &["--flag-below", "1"]);
-    assert_eq!(reasons(&strict)[3], ["low_confidence"]);
-    assert_eq!(strict["frames"][3]["check"][0]["label"], 1);
-    assert!(reasons(&strict)[0].is_empty(), "a keyframe is confirmed");
+    let origins = format!("{project}/masks/origins.json");
+    let read = || std::fs::read_to_string(&origins).unwrap();
+    let mut entries: Value = serde_json::from_str(&read()).unwrap();
+    let name = tracked["frames"][3]["name"].as_str().unwrap();
+    entries[name]["confidence"] = json!({ "1": 0.25 });
+    std::fs::write(&origins, entries.to_string()).unwrap();
+    let unsure = info(&project, &[]);
+    let reason = json!([{ "reason": "low_confidence", "label": 1, "confidence": 0.25 }]);
+    assert_eq!(unsure["frames"][3]["check"], reason);
+    assert_eq!(unsure["review"]["to_check"], 1);
+    let lenient = info(&project, &["--flag-below", "0.2"]);
+    assert_eq!(lenient["review"]["to_check"], 0);
 
     assert!(refused(&["info", &project, "--conflicts"]).contains("fuse"));
     // On frame 2 the thing gets the other label, as if a tracker had done so.
@@ -60,8 +68,7 @@ fn info_counts_confirmed_frames_and_says_which_to_check_and_why() {
     done(&["fuse", &project, "--voxel", "0.01"]);
     let text = done(&["info", &project]);
     assert!(text.contains("not counting conflicts"), "{text}");
-    let origins = format!("{project}/masks/origins.json");
-    let kept = std::fs::read_to_string(&origins).unwrap();
+    let kept = read();
     let as_tracked = kept.replace("\"anchor\"", "\"tracked\"");
     assert_ne!(kept, as_tracked);
     std::fs::write(&origins, as_tracked).unwrap();
