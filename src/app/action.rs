@@ -126,9 +126,13 @@ pub enum Action {
     FirstFrame,
     /// Goes to the last frame.
     LastFrame,
-    /// Goes to the next frame whose mask is stale or uncertain.
+    /// Goes to the next frame to check.
     #[serde(alias = "NextDoubtful")]
     NextUncertain,
+    /// Starts or pauses playback of the frames.
+    TogglePlay,
+    /// Opens the dialog that goes to a frame by number or name.
+    GoToFrame,
     /// Opens or closes the window of traits.
     ToggleMeasures,
     /// Inspects the point of the cloud under the pointer.
@@ -421,7 +425,9 @@ const LIST: &[Row] = {
         A::Forward10, GO, false, "10 frames forward", "Go forward 10 frames", shift(Key::ArrowRight);
         A::FirstFrame, GO, false, "First frame", "Go to the first frame", plain(Key::Home);
         A::LastFrame, GO, false, "Last frame", "Go to the last frame", plain(Key::End);
-        A::NextUncertain, GO, true, "Next frame to check", "Go to the next frame whose mask is stale or uncertain", plain(Key::D);
+        A::GoToFrame, GO, false, "Go to frame…", "Go to a frame by its number or a part of its file name", ctrl(Key::G);
+        A::TogglePlay, GO, true, "Play or pause", "Play the frames with their masks, or pause", plain(Key::Space);
+        A::NextUncertain, GO, false, "Next frame to check", "Go to the next frame whose mask is stale, uncertain, in conflict with the 3-D vote, or lost an object", plain(Key::D);
         A::NextWorst, GO, false, "Next conflict", "Go to the frame with the largest conflict, then to the next largest", shift(Key::D);
         A::FindInScene, GO, false, "Find in 3-D", "Show the votes of the point under the pointer and centre it in the 3-D view", plain(Key::Z);
         A::Track, RUN, false, "Track both ways", "Propagate the masks of keyframes to all frames", plain(Key::T);

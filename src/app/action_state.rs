@@ -70,7 +70,15 @@ impl Action {
             | A::Forward10
             | A::FirstFrame
             | A::LastFrame
-            | A::NextUncertain => without_frames(session),
+            | A::GoToFrame => without_frames(session),
+            A::TogglePlay => without_frames(session).or(needs(
+                session.project.frames.len() > 1,
+                "There is only one frame",
+            )),
+            A::NextUncertain => without_frames(session).or(needs(
+                view.frames.review.next_after(view.frame).is_some(),
+                "No frame needs a check",
+            )),
             A::Close => needs(
                 session.root.is_some() || session.inspected.is_some(),
                 NOTHING_OPEN,
@@ -152,7 +160,7 @@ impl Action {
                 "Point at the part of the selected label and press the key",
             )),
             A::CopyMask => {
-                let is_here = |label| view.presence.on_frame(view.frame).contains(&label);
+                let is_here = |label| view.frames.presence.on_frame(view.frame).contains(&label);
                 let has_mask = view.label.is_some_and(is_here);
                 label.or(needs(has_mask, "The selected label is not on this frame"))
             }

@@ -36,6 +36,10 @@ pub(super) enum Icon {
     Grip,
     Maximise,
     Restore,
+    Play,
+    Pause,
+    Loop,
+    Flag,
 }
 
 /// Size of an icon button in points.
@@ -127,6 +131,7 @@ pub(super) fn paint_icon(painter: &Painter, at: Pos2, icon: Icon, color: Color32
         | Icon::Lasso
         | Icon::Ruler => pen.scene(icon),
         Icon::More | Icon::Grip | Icon::Maximise | Icon::Restore => pen.frame(icon),
+        Icon::Play | Icon::Pause | Icon::Loop | Icon::Flag => pen.playback(icon),
     }
 }
 
@@ -341,6 +346,35 @@ impl Pen<'_> {
                 self.line(&[(-4.0, 0.0), (-2.4, 1.7)]);
                 self.line(&[(-1.5, -2.3), (0.1, -0.6)]);
                 self.line(&[(1.0, -4.5), (2.6, -2.8)]);
+            }
+        }
+    }
+
+    fn playback(&self, icon: Icon) {
+        let fill = |points: &[(f32, f32)]| {
+            let (places, color) = (self.places(points), self.stroke.color);
+            let shape = Shape::convex_polygon(places, color, Stroke::NONE);
+            self.painter.add(shape);
+        };
+        match icon {
+            Icon::Play => fill(&[(-4.0, -6.0), (6.0, 0.0), (-4.0, 6.0)]),
+            Icon::Pause => {
+                fill(&[(-5.0, -5.5), (-1.8, -5.5), (-1.8, 5.5), (-5.0, 5.5)]);
+                fill(&[(1.8, -5.5), (5.0, -5.5), (5.0, 5.5), (1.8, 5.5)]);
+            }
+            Icon::Loop => {
+                self.line(&[
+                    (2.5, -4.5),
+                    (-6.5, -4.5),
+                    (-6.5, 4.5),
+                    (6.5, 4.5),
+                    (6.5, -1.0),
+                ]);
+                fill(&[(2.0, -7.5), (6.5, -4.5), (2.0, -1.5)]);
+            }
+            _ => {
+                self.line(&[(-4.5, 7.0), (-4.5, -6.5)]);
+                fill(&[(-4.5, -6.5), (6.0, -3.2), (-4.5, 0.5)]);
             }
         }
     }

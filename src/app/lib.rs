@@ -13,10 +13,12 @@
 //! - `dialogs`: dialogs and their forms.
 //! - `action`, `menu`, `shortcuts`, `perform`: list of actions, and how they are started and
 //!   performed; `action_state` says which are available and why others are not.
+//! - `frame_review`: confirmed frames and frames to check.
+//! - `playback`, `player`: playback of the frames.
 //! - `ranges`: changes of a label over a range of frames.
 //! - `opening`: dropped files, the form of a new project, recent projects and the example.
 //! - `option_names`: names of controls in place of options of the command line.
-//! - `textures`: images and masks on the GPU.
+//! - `textures`, `mask_drawings`: images and masks on the GPU.
 //!
 //! Fields ending in `_px` are image positions in pixels, with the centre of the top-left pixel at
 //! (0.5, 0.5). Positions on the screen are in egui's points. Lengths in 3-D are in world units.
@@ -46,8 +48,10 @@ mod centre;
 mod dialogs;
 mod file_manager;
 mod focus_ring;
+mod frame_review;
 mod icons;
 mod leave;
+mod mask_drawings;
 mod menu;
 mod menu_entry;
 mod menu_name;
@@ -58,6 +62,8 @@ mod pane_buttons;
 mod panel_state;
 mod panels;
 mod perform;
+mod playback;
+mod player;
 mod pointer;
 mod prefs;
 mod ranges;
@@ -80,10 +86,12 @@ pub use action::Action;
 pub use arrangement::{Arrangement, Pane};
 pub use canvas::{CanvasMap, Draft, Tool};
 pub use dialogs::{HelpPage, NewProjectForm, PathPicker, SourceKind};
+pub use frame_review::FrameReview;
 pub use menu_name::MenuName;
 pub use notices::{Notice, Notices, Severity};
 pub use opening::MakeExample;
 pub use panels::{InspectedPoint, SceneSelect, SelectShape};
+pub use playback::{PlaySpeed, Playback, PlaybackPrefs};
 pub use prefs::{Panes, Prefs};
 pub use scene_prefs::{ClipSides, SceneLook, ScenePrefs, Slice};
 pub use session_view::{Drawn, Layers, SessionView, layers_of};

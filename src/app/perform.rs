@@ -5,7 +5,8 @@ use super::canvas::{clear_label, click_at};
 use super::dialogs::RelocateForm;
 use super::dialogs::{HelpPage, PathRequest, choose_path, typed_path};
 use super::panels::{InspectedPoint, add_label, listed, next_worst, pairs_in};
-use super::ranges::{is_range_change, next_uncertain, range_request, set_range, split_at};
+use super::player::toggle_play;
+use super::ranges::{is_range_change, range_request, set_range, split_at};
 use super::view_state::{IntoRequest, SceneAction};
 use super::{Action, Dialog, Panes, SessionView, Severity, ViewState};
 use ostra_masks::Direction;
@@ -48,6 +49,7 @@ pub(super) fn perform(
         Action::Stop => out.push(Command::Stop),
         Action::Cancel => cancel(view),
         Action::ToggleTheme => toggle_theme(ctx, view),
+        Action::TogglePlay => toggle_play(ctx, session, view),
         _ if is_range_change(action) => {
             out.extend(range_request(action, session, view).map(Command::Range));
         }
@@ -191,6 +193,7 @@ fn dialog_of(action: Action, session: &SessionView<'_>, view: &ViewState) -> Opt
         Action::Relocate => Dialog::Relocate,
         Action::Export => Dialog::Export,
         Action::Models => Dialog::Models,
+        Action::GoToFrame => Dialog::GoToFrame,
         Action::Palette => Dialog::Palette,
         Action::Preferences => Dialog::Preferences,
         Action::ShortcutSheet => Dialog::Shortcuts,
@@ -217,7 +220,7 @@ fn destination(action: Action, session: &SessionView<'_>, view: &ViewState) -> O
         Action::Forward10 => (view.frame + 10).min(last),
         Action::FirstFrame => 0,
         Action::LastFrame => last,
-        Action::NextUncertain => next_uncertain(session, view).unwrap_or(view.frame),
+        Action::NextUncertain => view.frames.review.next_after(view.frame)?,
         Action::NextWorst => next_worst(session.conflicts, view.frame).unwrap_or(view.frame),
         _ => return None,
     })

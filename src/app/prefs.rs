@@ -2,8 +2,10 @@ use egui::ThemePreference;
 use serde::{Deserialize, Serialize};
 
 use super::arrangement::Arrangement;
+use super::playback::PlaybackPrefs;
 use super::{ScenePrefs, Shortcuts};
 use ostra_compute::nn::Provider;
+use ostra_project::review::FLAG_BELOW;
 use ostra_view::OverlayStyle;
 
 /// Preferences kept between sessions. They never include project data.
@@ -52,6 +54,8 @@ pub struct Prefs {
     /// Confidence below which a frame is flagged for checking, 0–1.
     #[serde(alias = "doubt_below")]
     pub flag_below: f32,
+    /// Speed, loop and stops of playback.
+    pub playback: PlaybackPrefs,
 }
 
 impl Default for Prefs {
@@ -77,7 +81,8 @@ impl Default for Prefs {
             timeline: true,
             provider: Provider::default(),
             mismatches: true,
-            flag_below: 0.5,
+            flag_below: FLAG_BELOW,
+            playback: PlaybackPrefs::default(),
         }
     }
 }

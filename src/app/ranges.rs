@@ -103,56 +103,8 @@ pub(super) fn split_at(session: &SessionView<'_>, view: &ViewState) -> Option<gl
     (super::canvas::id_at(&mask.runs, at_px) == view.label?).then_some(at_px)
 }
 
-/// Returns the next frame to check, wrapping around after the last one.
-///
-/// A tracked mask is to be checked if it is stale, if the confidence of a label is below the
-/// preference, or if a label of the previous frame is lost.
-pub(super) fn next_uncertain(session: &SessionView<'_>, view: &ViewState) -> Option<usize> {
-    let count = session.project.frames.len();
-    (1..=count)
-        .map(|step| (view.frame + step) % count)
-        .find(|&frame| is_uncertain(session.project, view, frame))
-}
-
-fn is_uncertain(project: &Project, view: &ViewState, frame: usize) -> bool {
-    let Some(mask) = project
-        .masks
-        .get(&frame)
-        .filter(|mask| mask.origin == MaskOrigin::Tracked)
-    else {
-        return false;
-    };
-    let unsure = mask
-        .confidence
-        .values()
-        .any(|&confidence| confidence < view.prefs.flag_below);
-    mask.stale || unsure || lost_on(project, view, frame).next().is_some()
-}
-
-/// Returns labels of the previous frame that the tracker lost on `frame`.
-///
-/// Labels that the user marked as absent are left out.
-pub(super) fn lost_on<'a>(
-    project: &'a Project,
-    view: &'a ViewState,
-    frame: usize,
-) -> impl Iterator<Item = LabelId> + 'a {
-    let is_tracked = project
-        .masks
-        .get(&frame)
-        .is_some_and(|mask| mask.origin == MaskOrigin::Tracked);
-    let before = frame
-        .checked_sub(1)
-        .filter(|_| is_tracked)
-        .map_or(&[][..], |before| view.presence.on_frame(before));
-    let now = view.presence.on_frame(frame);
-    let is_lost =
-        move |label: &LabelId| !now.contains(label) && !project.absent_on(frame).contains(label);
-    before.iter().copied().filter(is_lost)
-}
-
 fn shows(view: &ViewState, frame: usize, mask: &FrameMask, label: LabelId) -> bool {
-    mask.origin == MaskOrigin::Keyframe && view.presence.on_frame(frame).contains(&label)
+    mask.origin == MaskOrigin::Keyframe && view.frames.presence.on_frame(frame).contains(&label)
 }
 
 /// Returns the frames between the last keyframe with the label and the shown frame, both excluded.

@@ -10,7 +10,7 @@ use ostra_cloud::{LabelledCloud, LabelledMesh};
 use ostra_compute::nn::ModelStatus;
 use ostra_frames::{Frame, FrameStore};
 use ostra_masks::{LabelTree, Region, RunMask};
-use ostra_project::{Estimate, Project};
+use ostra_project::Project;
 use ostra_session::{
     Angles, DepthPoints, Drawings, EngineInfo, EngineKind, Grounding, Images, JobTask, JobView,
     ProposedInstances, RecentProject, SparseReconstruction, Suggestion, Survey, Unfinished,
@@ -22,6 +22,8 @@ use ostra_view::{Layer, LayerImage, draw_layer};
 pub struct SessionView<'a> {
     /// Open project; empty when none is open.
     pub project: &'a Project,
+    /// Number that changes whenever the project or its conflicts change.
+    pub revision: u64,
     /// Folder of the open project; `None` when none is open.
     pub root: Option<&'a Path>,
     /// Labelled cloud of the project, or the inspected PLY.
@@ -76,8 +78,6 @@ pub struct SessionView<'a> {
     pub suggestions: &'a [Suggestion],
     /// Result of the search by text.
     pub grounding: Option<&'a Grounding>,
-    /// Number of manual interactions with masks since the session began.
-    pub interactions: usize,
     /// Conflict of each frame's mask with the vote of all views, by frame index.
     pub conflicts: &'a BTreeMap<usize, FrameConflict>,
     /// Pixels of the shown frame that the vote contradicts, if they are to be shown.
@@ -88,8 +88,6 @@ pub struct SessionView<'a> {
     pub angles: Option<&'a Angles>,
     /// Unit of lengths in the scene.
     pub unit: LengthUnit,
-    /// Estimated accuracy of the masks.
-    pub estimate: Option<Estimate>,
 }
 
 impl<'a> SessionView<'a> {

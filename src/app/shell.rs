@@ -1,23 +1,26 @@
 use egui::{
     CentralPanel, Context, Event, FocusDirection, Frame, Key, Margin, Panel, ScrollArea, Ui,
+    UiBuilder,
 };
 
 use super::action::Requests;
 use super::centre::{Parts, centre_ui};
 use super::dialogs::{
-    export_ui, exported_ui, help_ui, image_ui, into_ui, models_ui, new_project_ui, palette_ui,
-    path_ui, preferences_ui, relocate_ui, take_picked,
+    export_ui, exported_ui, go_to_frame_ui, help_ui, image_ui, into_ui, models_ui, new_project_ui,
+    palette_ui, path_ui, preferences_ui, relocate_ui, take_picked,
 };
 use super::focus_ring::FocusRing;
 use super::leave::{Leaving, leaving_ui, waiting_ui};
 use super::menu::menu_bar_ui;
 use super::notices::notices_ui;
 use super::panels::{
-    FILMSTRIP_HEIGHT, HEAT_HEIGHT, ROW, ScenePane, cloud_labels_ui, filmstrip_ui, heat_ui,
-    instances_ui, jobs_ui, keep_track_valid, labels_ui, matches_ui, point_ui, selection_ui,
-    status_ui, step_strip_ui, steps_ui, timeline_ui, unfinished_ui, welcome_ui,
+    CONTROLS_WIDTH, FILMSTRIP_HEIGHT, HEAT_HEIGHT, ScenePane, cloud_labels_ui, filmstrip_ui,
+    heat_ui, instances_ui, jobs_ui, keep_track_valid, labels_ui, matches_ui, play_controls_ui,
+    point_ui, selection_ui, status_ui, step_strip_ui, steps_ui, timeline_height, timeline_rows,
+    timeline_ui, unfinished_ui, welcome_ui,
 };
 use super::perform::perform;
+use super::player::play;
 use super::textures::Textures;
 use super::theme::AppliedLook;
 use super::tooltips::{icon_button, section_heading};
@@ -29,8 +32,6 @@ use ostra_view::Orbit;
 const NARROW: f32 = 1000.0;
 /// Width of the side panel in a window of common size.
 const SIDE_WIDTH: f32 = 232.0;
-/// Rows of the timeline that are visible without scrolling.
-const TIMELINE_ROWS: f32 = 2.5;
 
 /// Everything that is drawn, without the session behind it: a view in, commands out.
 pub struct Shell {
@@ -106,10 +107,21 @@ impl Shell {
         self.look.follow(ui.ctx(), &mut self.view.prefs);
         self.view.keep_valid(session);
         self.view.labels.follow(self.view.label);
-        self.view.presence.update(session.project);
+        let flag_below = self.view.prefs.flag_below;
+        self.view.frames.update(session, flag_below);
+        let style = self.view.overlay_style();
+        let masks = &mut self.textures.masks;
+        masks.set_looks(&session.project.labels, &style);
         self.view.draft.follow(session.project);
         keep_track_valid(session, &mut self.view);
         take_picked(ui.ctx(), &mut self.view, &mut requests.commands);
+        let may_play = session.has_frames()
+            && self.view.dialog.is_none()
+            && !self.leaving.is_asking()
+            && !takes_keys(ui.ctx());
+        let masks = &mut self.textures.masks;
+        let tapped = play(ui.ctx(), session, &mut self.view, masks, may_play);
+        requests.actions.extend(tapped);
         if !self.leaving.is_asking() {
             requests
                 .actions
@@ -143,6 +155,9 @@ impl Shell {
         for action in actions {
             perform(action, ui.ctx(), session, &mut self.view, &mut commands);
         }
+        if !commands.is_empty() {
+            self.view.playback.pause();
+        }
         self.leaving
             .hold_back(ui.ctx(), session.jobs, &mut commands);
         for images in [session.images, session.survey_images]
@@ -151,6 +166,7 @@ impl Shell {
         {
             images.turn();
         }
+        self.textures.masks.turn(ui.ctx());
         commands
     }
 
@@ -195,15 +211,29 @@ impl Shell {
             .frame(strip)
             .show(ui, |ui| {
                 ui.spacing_mut().item_spacing.y = 3.0;
-                heat_ui(ui, session, &mut self.view);
-                filmstrip_ui(ui, session, &mut self.view, &mut self.textures);
+                let place = ui.available_rect_before_wrap();
+                let (left, right) = place.split_left_right_at_x(place.left() + CONTROLS_WIDTH);
+                let view = &mut self.view;
+                ui.scope_builder(UiBuilder::new().max_rect(left), |ui| {
+                    play_controls_ui(ui, session, view, &mut requests.actions);
+                });
+                ui.scope_builder(UiBuilder::new().max_rect(right), |ui| {
+                    heat_ui(ui, session, view);
+                    filmstrip_ui(ui, session, view, &mut self.textures);
+                });
             });
         // The place is kept without labels too, so that the image does not move when they come.
         if self.view.prefs.timeline {
-            Panel::bottom("timeline rows")
+            let labels = session.project.labels.iter().count();
+            let window = ui.ctx().content_rect().height();
+            let first_rows = &mut self.view.timeline_rows;
+            let rows = *first_rows.get_or_insert_with(|| timeline_rows(labels, window));
+            let height = timeline_height(rows) + f32::from(strip.inner_margin.top);
+            // A height that the user chose is kept for projects with as many rows.
+            Panel::bottom(("timeline rows", rows))
                 .resizable(true)
-                .default_size(TIMELINE_ROWS * (ROW + 1.0) + 4.0)
-                .size_range(ROW..=400.0)
+                .default_size(height)
+                .size_range(timeline_height(1)..=400.0)
                 .frame(strip)
                 .show(ui, |ui| {
                     timeline_ui(ui, session, &mut self.view, &mut requests.actions);
@@ -311,6 +341,7 @@ impl Shell {
             Some(Dialog::Image) => image_ui(ui, view),
             Some(Dialog::Models) => models_ui(ui, session, view, &mut requests.commands),
             Some(Dialog::Preferences | Dialog::Shortcuts) => preferences_ui(ui, view),
+            Some(Dialog::GoToFrame) => go_to_frame_ui(ui, session, view),
             Some(Dialog::Palette) => palette_ui(ui, session, view, &mut requests.actions),
             Some(Dialog::Into(request)) => {
                 into_ui(ui, session, view, request, &mut requests.commands);
@@ -352,6 +383,8 @@ fn pressed(
         view.prefs
             .shortcuts
             .action_for(event)
+            // Playback starts when its key is released.
+            .filter(|&action| action != Action::TogglePlay)
             .filter(|_| !(is_taken(event) || is_tab && is_travelling))
     };
     let actions: Vec<Action> = ctx.input(|input| input.events.iter().filter_map(action).collect());

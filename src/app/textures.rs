@@ -4,6 +4,7 @@ use std::sync::Arc;
 use egui::{Color32, ColorImage, Context, TextureHandle, TextureOptions};
 
 use super::Tone;
+use super::mask_drawings::MaskDrawings;
 use ostra_frames::Image;
 use ostra_masks::{LabelId, LabelMask, LabelTree, Region, RunMask};
 use ostra_view::{OverlayStyle, hatch, overlay};
@@ -20,6 +21,9 @@ pub(super) struct Textures {
     vote_mismatch: Option<(Arc<Region>, TextureHandle)>,
     thumbnails: BTreeMap<usize, Thumbnail>,
     small: Vec<CachedImage>,
+    preview: Option<CachedImage>,
+    /// Masks over thumbnails, and over images during playback.
+    pub masks: MaskDrawings,
     clock: u64,
 }
 
@@ -64,11 +68,32 @@ impl Textures {
 
     /// Returns the texture of the shown image with another brightness and contrast.
     pub fn image(&mut self, ctx: &Context, image: &Arc<Image>, tone: Tone) -> TextureHandle {
+        self.set_tone(tone);
+        image_texture(&mut self.image, ctx, image, tone)
+    }
+
+    fn set_tone(&mut self, tone: Tone) {
         if self.tone != tone {
-            self.image = None;
+            (self.image, self.preview) = (None, None);
             self.tone = tone;
         }
-        image_texture(&mut self.image, ctx, image, tone)
+    }
+
+    /// Returns the texture of a small image in place of the shown one, smooth when magnified.
+    pub fn preview(&mut self, ctx: &Context, image: &Arc<Image>, tone: Tone) -> TextureHandle {
+        self.set_tone(tone);
+        if let Some((shown, texture)) = &self.preview
+            && Arc::ptr_eq(shown, image)
+        {
+            return texture.clone();
+        }
+        let table = tone.table();
+        let pixels = fitted(ctx, image.width, image.height, |i| {
+            opaque(image.pixels[i].map(|channel| table[usize::from(channel)]))
+        });
+        let texture = ctx.load_texture("preview", pixels, TextureOptions::LINEAR);
+        self.preview = Some((Arc::clone(image), texture.clone()));
+        texture
     }
 
     /// Returns the texture of one of two images shown next to each other.

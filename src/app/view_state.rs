@@ -7,15 +7,17 @@ use super::dialogs::{
     ExportForm, HelpPage, ImageForm, ModelsForm, NewProjectForm, PaletteState, PathPicker,
     PathRequest, RelocateForm, ScreenshotRequest, SheetState,
 };
-use super::panel_state::{LabelEditing, MatchView, PointCounts, Presence, TextPrompt};
+use super::frame_review::FrameReview;
+use super::panel_state::{LabelEditing, MatchView, PointCounts, TextPrompt};
 use super::panels::{InspectedPoint, MeasureView, Ruler, SceneSelect};
+use super::playback::Playback;
 use super::pointer::HoverDwell;
 use super::steps_state::StepsState;
 use super::{Notices, Panes, Prefs, SceneLook, SessionView, Tone};
 use ostra_masks::{Direction, LabelId, MaskFormat};
 use ostra_project::{FuseRequest, ReconstructRequest};
 use ostra_session::{ExportedItem, InstancesRequest, PromptRequest, SurfaceKind, TrackSettings};
-use ostra_view::{Coloring, Layer, RenderRequest, Side};
+use ostra_view::{Coloring, Layer, OverlayStyle, RenderRequest, Side};
 
 /// State of the window that is not part of the project, such as the shown frame and tool.
 ///
@@ -45,6 +47,8 @@ pub struct ViewState {
     pub zoom: ZoomState,
     /// Drawing in progress, not yet sent as a command.
     pub draft: Draft,
+    /// Playback of the frames.
+    pub playback: Playback,
     /// Segmenter to use.
     pub segmenter: SegmenterId,
     /// First and last frame of the selected range; `None` means the shown frame only.
@@ -53,6 +57,8 @@ pub struct ViewState {
     pub copied: Option<(LabelId, usize)>,
     /// Whether the mask before the last change is shown.
     pub compare: bool,
+    /// Rows of the timeline that were visible when the project was first drawn.
+    pub timeline_rows: Option<usize>,
     /// Frame at which a drag over the timeline started.
     pub range_from: Option<usize>,
     /// Settings of the Track panel.
@@ -113,10 +119,12 @@ pub struct ViewState {
     pub palette: PaletteState,
     /// Whether the menu bar takes the keyboard on its next draw.
     pub focuses_menu: bool,
+    /// Text typed in the dialog that goes to a frame.
+    pub frame_text: String,
     /// Edits in progress in the label list.
     pub labels: LabelEditing,
-    /// Labels present on each frame.
-    pub presence: Presence,
+    /// Labels on each frame, confirmed frames and frames to check.
+    pub frames: FrameReview,
     /// Settings of the instances that are previewed but not yet created.
     pub instances: Option<InstancesRequest>,
     /// Points per label of the cloud.
@@ -226,6 +234,8 @@ pub enum Dialog {
     Preferences,
     /// Shows and changes shortcuts.
     Shortcuts,
+    /// Goes to a frame by number or name.
+    GoToFrame,
     /// Searches the list of actions.
     Palette,
     /// Shows a page of the help.
@@ -264,10 +274,12 @@ impl ViewState {
             prefs,
             zoom: ZoomState::default(),
             draft: Draft::default(),
+            playback: Playback::default(),
             segmenter: SegmenterId::Auto,
             range: None,
             copied: None,
             compare: false,
+            timeline_rows: None,
             range_from: None,
             track: TrackSettings::default(),
             reconstruct: ReconstructRequest::default(),
@@ -298,8 +310,9 @@ impl ViewState {
             text_prompt: TextPrompt::default(),
             palette: PaletteState::default(),
             focuses_menu: false,
+            frame_text: String::new(),
             labels: LabelEditing::default(),
-            presence: Presence::default(),
+            frames: FrameReview::default(),
             instances: None,
             point_counts: PointCounts::default(),
             notices: Notices::default(),
@@ -451,8 +464,26 @@ impl ViewState {
         self.confirmed_path = None;
     }
 
-    /// Shows another frame. A drawing in progress on the old frame is dropped.
+    /// Returns the style of masks over the image.
+    pub(crate) fn overlay_style(&self) -> OverlayStyle {
+        OverlayStyle {
+            opacity: self.prefs.opacity,
+            outlines: self.prefs.outlines,
+            hidden: self.hidden.clone(),
+            only: self.shown_label(),
+        }
+    }
+
+    /// Shows another frame and pauses playback.
+    ///
+    /// A drawing in progress on the old frame is dropped.
     pub fn go_to(&mut self, frame: usize) {
+        self.playback.pause();
+        self.show(frame);
+    }
+
+    /// Shows another frame. A drawing in progress on the old frame is dropped.
+    pub(crate) fn show(&mut self, frame: usize) {
         if self.frame != frame {
             self.frame = frame;
             self.draft.drop_half_made();

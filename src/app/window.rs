@@ -19,7 +19,7 @@ use ostra_compute::nn::{ModelStatus, Provider};
 use ostra_core::disk;
 use ostra_frames::Frame;
 use ostra_project::export_targets::ExportTargets;
-use ostra_project::{Estimate, Project, scale_between};
+use ostra_project::{Project, scale_between};
 use ostra_session::Event;
 use ostra_session::{Command, EngineInfo, Images, Recent, Session, list_engines, list_models};
 
@@ -66,9 +66,8 @@ pub struct Window {
     recent: Recent,
     title: String,
     attention: Attention,
-    /// Recomputed when the project changes.
-    estimate: Option<Estimate>,
-    estimate_due: bool,
+    /// Number of changes of the project and its conflicts so far.
+    revision: u64,
     opening: Opening,
 }
 
@@ -122,8 +121,7 @@ impl Window {
             recent,
             title: String::new(),
             attention: Attention::default(),
-            estimate: None,
-            estimate_due: false,
+            revision: 0,
             opening: Opening::new(ctx),
         }
     }
@@ -175,7 +173,6 @@ impl Window {
 
     /// Draws the window and executes the commands that the user issued.
     pub fn show(&mut self, ui: &mut egui::Ui) {
-        self.update_estimate();
         let view = &mut self.shell.view;
         self.opening
             .follow(&mut self.session, view, &self.recent, ui.ctx());
@@ -198,7 +195,7 @@ impl Window {
             survey: self.opening.survey(),
             survey_images: self.opening.images(),
             before: before.as_ref(),
-            estimate: self.estimate,
+            revision: self.revision,
             unfinished: self.session.unfinished(),
             ..view_of(&self.session, &self.nothing, view)
         };
@@ -216,19 +213,12 @@ impl Window {
         }
     }
 
-    fn update_estimate(&mut self) {
-        if std::mem::take(&mut self.estimate_due) {
-            let project = self.session.project().unwrap_or(&self.nothing);
-            let presence = &mut self.shell.view.presence;
-            presence.update(project);
-            self.estimate = project.estimate(|frame| presence.on_frame(frame).len());
-        }
-    }
-
     /// Passes what the view needs to the session, and writes the files that it requested.
     fn follow_view(&mut self) {
-        self.session
-            .prepare(self.shell.view.frame, self.shell.view.segmenter);
+        if !self.shell.view.playback.is_playing() {
+            self.session
+                .prepare(self.shell.view.frame, self.shell.view.segmenter);
+        }
         self.session.hover(self.shell.view.hover_request.clone());
         self.session.select(&self.shell.view.scene_select.steps);
         if std::mem::take(&mut self.shell.view.dismisses_unfinished) {
@@ -288,17 +278,16 @@ impl Window {
     }
 
     fn take(&mut self, event: Event) {
+        self.revision += u64::from(changes_project(&event));
         if self.opening.take(&event, &mut self.shell.view) {
             return;
         }
         match event {
             Event::Opened(path) => {
-                self.estimate_due = true;
                 self.shell.project_changed();
                 self.recent.opened(&path);
             }
             Event::Inspecting(_) | Event::Closed => {
-                self.estimate_due = true;
                 self.shell.project_changed();
             }
             Event::Failed { error, .. } => self.fail(&error),
@@ -319,12 +308,12 @@ impl Window {
                 }
                 self.shell.view.notices.tell(Severity::Warning, text);
             }
-            Event::Changed => self.estimate_due = true,
             Event::ModelsChanged => {
                 self.engines = list_engines();
                 self.models = list_models().unwrap_or_default();
             }
             Event::Started { .. }
+            | Event::Changed
             | Event::CloudChanged
             | Event::SparseChanged
             | Event::ConflictsChanged => {}
@@ -413,10 +402,23 @@ impl eframe::App for Window {
     }
 }
 
+/// Returns `true` if an event may change the project or its conflicts.
+fn changes_project(event: &Event) -> bool {
+    matches!(
+        event,
+        Event::Opened(_)
+            | Event::Inspecting(_)
+            | Event::Closed
+            | Event::Changed
+            | Event::CloudChanged
+            | Event::ConflictsChanged
+    )
+}
+
 /// Returns what the session shows in a view; `nothing` is the project while none is open.
 ///
 /// Images, layers, jobs, engines, networks, recent projects, the mask before the last step and
-/// the estimate are left out.
+/// the revision are left out.
 fn view_of<'a>(
     session: &'a Session,
     nothing: &'a Arc<Project>,
@@ -426,6 +428,7 @@ fn view_of<'a>(
     let measures = &view.measures;
     SessionView {
         project: session.project().unwrap_or(nothing),
+        revision: 0,
         root: session.root(),
         cloud: session.cloud(),
         votes: session.votes(),
@@ -459,7 +462,6 @@ fn view_of<'a>(
         before: None,
         suggestions: session.suggestions(),
         grounding: session.grounding(),
-        interactions: session.interactions(),
         conflicts,
         vote_mismatch: view
             .shows_mismatch(conflicts)
@@ -471,7 +473,6 @@ fn view_of<'a>(
             .flatten(),
         angles: measures.open.then(|| session.angles(measures.pairs())),
         unit: session.length_unit(),
-        estimate: None,
         unfinished: None,
     }
 }

@@ -1,15 +1,20 @@
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use clap::Args;
 use serde_json::{Value, json};
 
 use super::drive::Driver;
 use super::print::{print_json, print_text, warn};
+use super::values::share;
+use ostra_cloud::conflicts::FrameConflict;
 use ostra_frames::{Frame, missing_sources};
+use ostra_project::review::{FLAG_BELOW, Review, ReviewCriteria, review};
 use ostra_project::store::feature_cache_path;
-use ostra_project::{MaskOrigin, Project, ResultKind};
+use ostra_project::{MaskOrigin, Presence, Project, ResultKind};
 use ostra_reconstruct::sfm::{feature_cache_bytes, remove_feature_cache};
 use ostra_session::Unfinished;
 
@@ -20,17 +25,33 @@ pub(super) struct InfoArgs {
     /// Print one JSON object.
     #[arg(long)]
     pub json: bool,
+    /// Tracker confidence of a label below which its frame is to be checked.
+    #[arg(long, value_name = "C", default_value_t = FLAG_BELOW, value_parser = share)]
+    pub flag_below: f32,
+    /// Also check frames whose mask disagrees with the vote; this loads the cloud.
+    #[arg(long)]
+    pub conflicts: bool,
 }
 
 pub(super) fn info(args: &InfoArgs) -> Result<()> {
-    let driver = Driver::view(&args.project)?;
+    let mut driver = Driver::view(&args.project)?;
+    let conflicts = if args.conflicts {
+        known_conflicts(&mut driver)?
+    } else {
+        Arc::default()
+    };
     let project = driver.project()?;
+    let criteria = ReviewCriteria {
+        flag_below: args.flag_below,
+        conflicts: &conflicts,
+    };
+    let review = review(project, &Presence::of(project), criteria);
     warn_of_missing(&missing_sources(&project.frames));
     let cache_bytes = feature_cache_bytes(&feature_cache_path(&args.project));
     if args.json {
-        print_json(&as_json(project, cache_bytes));
+        print_json(&as_json(project, &review, args.conflicts, cache_bytes));
     } else {
-        print_text(&as_text(project));
+        print_text(&as_text(project, &review, args.conflicts));
         if cache_bytes > 0 {
             print_text(&format!(
                 "cache of features and matches: {}; to remove it, run 'ostra clean-cache PROJECT'\n",
@@ -48,6 +69,16 @@ pub(super) fn info(args: &InfoArgs) -> Result<()> {
     Ok(())
 }
 
+/// Returns the conflicts of masks with the vote.
+fn known_conflicts(driver: &mut Driver) -> Result<Arc<BTreeMap<usize, FrameConflict>>> {
+    let conflicts = driver.conflicts()?;
+    ensure!(
+        !conflicts.is_empty(),
+        "no votes of the cloud are known; run 'ostra fuse', or leave out --conflicts"
+    );
+    Ok(conflicts)
+}
+
 fn warn_of_missing(missing: &[&Path]) {
     if let Some(first) = missing.first() {
         warn(&format!(
@@ -60,12 +91,12 @@ fn warn_of_missing(missing: &[&Path]) {
 }
 
 /// Summarises a project as `info --json` prints it.
-fn as_json(project: &Project, cache_bytes: u64) -> Value {
+fn as_json(project: &Project, review: &Review, has_conflicts: bool, cache_bytes: u64) -> Value {
     let frames: Vec<Value> = project
         .frames
         .iter()
         .enumerate()
-        .map(|(number, frame)| frame_json(project, number, frame))
+        .map(|(number, frame)| frame_json(project, review, number, frame))
         .collect();
     let labels: Vec<Value> = project
         .labels
@@ -86,7 +117,13 @@ fn as_json(project: &Project, cache_bytes: u64) -> Value {
             (result_name(*kind).to_owned(), value)
         })
         .collect();
-    json!({ "format": 1, "origin": project.origin.to_array(), "frames": frames, "labels": labels, "results": results, "cache_bytes": cache_bytes })
+    let counts = json!({
+        "confirmed": review.confirmed, "to_check": review.to_check.len(), "with_conflicts": has_conflicts,
+    });
+    json!({
+        "format": 1, "origin": project.origin.to_array(), "review": counts, "frames": frames, "labels": labels,
+        "results": results, "cache_bytes": cache_bytes,
+    })
 }
 
 /// Returns a size as text, in MB.
@@ -106,7 +143,7 @@ pub(super) fn clean_cache(project: &Path) -> Result<()> {
 }
 
 /// Summarises a project as readable text.
-fn as_text(project: &Project) -> String {
+fn as_text(project: &Project, review: &Review, has_conflicts: bool) -> String {
     let mut text = String::new();
     let count = |wanted: &str| {
         (0..project.frames.len())
@@ -132,6 +169,17 @@ fn as_text(project: &Project) -> String {
         count("tracked"),
         count("stale"),
         count("none")
+    );
+    let left_out = if project.results.contains_key(&ResultKind::Cloud) && !has_conflicts {
+        ", not counting conflicts with the cloud (--conflicts counts them)"
+    } else {
+        ""
+    };
+    let _ = writeln!(
+        text,
+        "{}, {}{left_out}",
+        review.confirmed_text(),
+        review.to_check_text()
     );
     for label in project.labels.iter() {
         let path: Vec<&str> = project
@@ -161,10 +209,11 @@ fn as_text(project: &Project) -> String {
     text
 }
 
-fn frame_json(project: &Project, number: usize, frame: &Frame) -> Value {
+fn frame_json(project: &Project, review: &Review, number: usize, frame: &Frame) -> Value {
+    let check = review.to_check.get(&number).map_or(&[][..], Vec::as_slice);
     json!({
         "name": frame.name, "width": frame.width, "height": frame.height, "depth": frame.depth.is_some(),
-        "camera": frame.posed_camera().is_some(), "mask": mask_state(project, number),
+        "camera": frame.posed_camera().is_some(), "mask": mask_state(project, number), "check": check,
     })
 }
 

@@ -134,6 +134,40 @@ impl RunMask {
         }
     }
 
+    /// Decodes the mask at a smaller size, with at most `max_side` pixels on its longer side.
+    ///
+    /// A cell has the label of the last labelled pixel in it, so that a stem thinner than a cell
+    /// stays visible. A mask that is small enough keeps its size.
+    #[must_use]
+    pub fn decode_small(&self, max_side: u32) -> LabelMask {
+        let longest = self.width.max(self.height);
+        if longest <= max_side {
+            return self.decode();
+        }
+        let scaled = |length: u32| {
+            ((u64::from(length) * u64::from(max_side)) / u64::from(longest)).max(1) as u32
+        };
+        let mut small = LabelMask::empty(scaled(self.width), scaled(self.height));
+        let cell = |at: u64, from: u32, to: u32| (at * u64::from(to) / u64::from(from)) as usize;
+        let (columns, width) = (small.width as usize, u64::from(self.width));
+        let mut begin = 0_u64;
+        for &(id, length) in &self.runs {
+            let end = begin + u64::from(length);
+            while begin < end {
+                let (row, left) = (begin / width, begin % width);
+                let right = (left + end - begin).min(width);
+                if id != LabelId::NONE {
+                    let first = cell(left, self.width, small.width);
+                    let last = cell(right - 1, self.width, small.width);
+                    let line = cell(row, self.height, small.height) * columns;
+                    small.ids[line + first..=line + last].fill(id);
+                }
+                begin += right - left;
+            }
+        }
+        small
+    }
+
     /// Returns the pixels of one label.
     #[must_use]
     #[inline]
@@ -313,6 +347,33 @@ mod tests {
                 }
             })
         })
+    }
+
+    proptest! {
+        #[test]
+        fn small_mask_shows_every_labelled_cell_and_no_other(mask in masks(), side in 1_u32..24) {
+            let small = RunMask::encode(&mask).decode_small(side);
+            let longest = mask.width.max(mask.height);
+            prop_assert!(small.width.max(small.height) <= side.max(1) || longest <= side);
+            prop_assert_eq!(longest <= side, small == mask);
+            let cell_of = |x: u32, y: u32| {
+                (x * small.width / mask.width, y * small.height / mask.height)
+            };
+            let mut seen: BTreeMap<(u32, u32), Vec<LabelId>> = BTreeMap::new();
+            for y in 0..mask.height {
+                for x in (0..mask.width).filter(|&x| mask.at(x, y) != LabelId::NONE) {
+                    seen.entry(cell_of(x, y)).or_default().push(mask.at(x, y));
+                }
+            }
+            for y in 0..small.height {
+                for x in 0..small.width {
+                    match seen.get(&(x, y)) {
+                        Some(ids) => prop_assert!(ids.contains(&small.at(x, y))),
+                        None => prop_assert_eq!(small.at(x, y), LabelId::NONE),
+                    }
+                }
+            }
+        }
     }
 
     /// Two masks of one size.

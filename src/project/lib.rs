@@ -12,6 +12,7 @@
 //! - [`store`] reads and writes the project's folder.
 //! - [`prompt`], [`mask_edits`], [`label_edits`] and [`range`] build edits.
 //! - [`suggestion`] describes unlabelled objects to work on next.
+//! - [`review`] counts confirmed frames and lists those to check.
 //! - [`voted_cloud`] and [`reusable_votes`] hold a cloud with the votes behind its labels.
 //! - [`export_targets`] and [`export_record`] protect the user's files from exports.
 //!
@@ -60,12 +61,14 @@ mod marks;
 pub mod mask_edits;
 mod open_project;
 mod origin;
+mod presence;
 mod project;
 pub mod prompt;
 pub mod range;
 mod requests;
 mod results;
 pub mod reusable_votes;
+pub mod review;
 mod split;
 mod stale;
 pub mod store;
@@ -85,7 +88,8 @@ pub use history::{Change, History, Step};
 pub use label_choice::LabelChoice;
 pub use open_project::OpenProject;
 pub use origin::{make_relative, origin_near};
-pub use project::{Estimate, FrameMask, Marks, MaskOrigin, Project};
+pub use presence::Presence;
+pub use project::{FrameMask, Marks, MaskOrigin, Project};
 pub use requests::{
     ExportRequest, FuseRequest, PromptRequest, RangeChange, RangeRequest, ReconstructMethod,
     ReconstructRequest, ScaleEnd, ScaleRequest,

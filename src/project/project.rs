@@ -89,15 +89,6 @@ impl Marks {
     }
 }
 
-/// Estimate of how good the masks are.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Estimate {
-    /// Mean tracker confidence over labels and frames with a mask, 0–1; a keyframe counts as 1.
-    pub accuracy: f64,
-    /// Number of frames with a mask.
-    pub frames: usize,
-}
-
 impl Project {
     /// Returns the last keyframe before a frame and the first one after it.
     #[must_use]
@@ -110,58 +101,5 @@ impl Project {
             before.map(|(&number, _)| number),
             after.map(|(&number, _)| number),
         )
-    }
-
-    /// Estimates how good the masks are, or returns `None` if no mask shows a label.
-    ///
-    /// `labels_on` returns the number of labels that a frame shows.
-    pub fn estimate(&self, labels_on: impl Fn(usize) -> usize) -> Option<Estimate> {
-        let (mut sum, mut count) = (0.0, 0usize);
-        for (&frame, mask) in &self.masks {
-            match mask.origin {
-                MaskOrigin::Keyframe => {
-                    let shown = labels_on(frame);
-                    (sum, count) = (sum + shown as f64, count + shown);
-                }
-                MaskOrigin::Tracked => {
-                    sum += mask
-                        .confidence
-                        .values()
-                        .map(|&confidence| f64::from(confidence))
-                        .sum::<f64>();
-                    count += mask.confidence.len();
-                }
-            }
-        }
-        (count > 0).then(|| Estimate {
-            accuracy: sum / count as f64,
-            frames: self.masks.len(),
-        })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use crate::Edit;
-    use crate::testing::{keyframe, project, tracked};
-
-    #[test]
-    fn keyframes_count_as_certain_and_empty_masks_are_ignored() {
-        let mut project = project();
-        assert_eq!(project.estimate(|_| 1), None);
-        for (frame, mask) in [keyframe([1, 2, 0]), tracked([1, 0, 0]), keyframe([0; 3])]
-            .into_iter()
-            .enumerate()
-        {
-            project
-                .apply(Edit::SetMask {
-                    frame,
-                    mask: Some(mask),
-                })
-                .unwrap();
-        }
-        let estimate = project.estimate(|frame| [2, 1, 0][frame]).unwrap();
-        assert!((estimate.accuracy - 0.9).abs() < 1e-6, "{estimate:?}");
-        assert_eq!(estimate.frames, 3);
     }
 }

@@ -16,7 +16,6 @@ impl Session {
     pub fn act(&mut self, command: Command) -> Result<Option<JobId>> {
         command.check_numbers(self.project().map(AsRef::as_ref))?;
         let begun = self.begin(&command)?;
-        self.interactions += usize::from(command.is_interaction());
         if begun.is_some() {
             self.record_begun(&command);
         }

@@ -158,32 +158,6 @@ pub enum Command {
     Stop,
 }
 
-impl Command {
-    /// Returns whether the command is manual work on the masks.
-    ///
-    /// A better segmenter or tracker would save such work.
-    #[must_use]
-    pub fn is_interaction(&self) -> bool {
-        use Command as C;
-        let on_a_frame = matches!(
-            self,
-            C::Prompt(_)
-                | C::TakeFound(_)
-                | C::Paint(_)
-                | C::MoveBorder(_)
-                | C::Trace(_)
-                | C::Clean(_)
-        );
-        let in_space = matches!(self, C::CorrectCloud(_) | C::MergeLabels { .. });
-        on_a_frame
-            || in_space
-            || matches!(
-                self,
-                C::Range(_) | C::MakeKeyframe { .. } | C::AcceptVote { .. } | C::ClearMask { .. }
-            )
-    }
-}
-
 /// The frames to open, as for `ostra new` and `ostra add`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct NewProject {

@@ -1,4 +1,4 @@
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use ostra_core::job::Loader;
@@ -6,6 +6,12 @@ use ostra_frames::{Frame, FrameStore, Image};
 
 /// Maximum side of a thumbnail in pixels.
 const THUMBNAIL_PX: u32 = 160;
+/// Maximum side in pixels of an image shown during playback.
+///
+/// A screen shows little more of it, and a whole photo takes longer to draw than a frame lasts.
+const PREVIEW_PX: u32 = 1280;
+/// Number of previews kept: those that [`Images::play`] requests, and a few that were shown.
+const PREVIEWS_KEPT: usize = 24;
 /// Number of images kept at full size: the one shown and its neighbours.
 const IMAGES_KEPT: usize = 3;
 /// Number of thumbnails kept; at 160 × 120 pixels they take about 60 MB.
@@ -22,12 +28,14 @@ pub struct Images {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum ImageRequest {
     Full(usize),
+    Preview(usize),
     Thumbnail(usize),
 }
 
 #[derive(Default)]
 struct ImagesState {
     images: Shelf,
+    previews: Shelf,
     thumbnails: Shelf,
     failures: BTreeMap<usize, String>,
     wanted: Vec<ImageRequest>,
@@ -68,6 +76,7 @@ impl Images {
     ) -> Self {
         let load_request = move |request: &ImageRequest| match *request {
             ImageRequest::Full(frame) => load(frame),
+            ImageRequest::Preview(frame) => load(frame).map(|image| reduced(image, PREVIEW_PX)),
             ImageRequest::Thumbnail(frame) => load(frame).map(|image| Arc::new(thumbnail(&image))),
         };
         Self {
@@ -99,6 +108,40 @@ impl Images {
         state.thumbnails.peek(frame)
     }
 
+    /// Requests previews for playback, most urgent first; returns those that are ready.
+    ///
+    /// A preview is the image with at most 1280 pixels on its longer side. A frame whose image could
+    /// not be loaded is ready too, because waiting for it is in vain.
+    pub fn play(&self, frames: &[usize]) -> BTreeSet<usize> {
+        let mut state = self.lock();
+        for &frame in frames.iter().take(PREVIEWS_KEPT) {
+            state.ask(ImageRequest::Preview(frame));
+            let _ = state.previews.peek(frame);
+        }
+        let is_ready = |frame: &&usize| !state.is_missing(ImageRequest::Preview(**frame));
+        frames.iter().filter(is_ready).copied().collect()
+    }
+
+    /// Returns `true` if the preview of a frame is loaded.
+    #[must_use]
+    pub fn has_preview(&self, frame: usize) -> bool {
+        self.lock().previews.kept.contains_key(&frame)
+    }
+
+    /// Returns the frame's image if it is loaded; requests nothing.
+    #[must_use]
+    pub fn kept_image(&self, frame: usize) -> Option<Arc<Image>> {
+        self.lock().images.peek(frame)
+    }
+
+    /// Returns the preview of a frame if it is loaded, else its thumbnail; requests nothing.
+    #[must_use]
+    pub fn smaller(&self, frame: usize) -> Option<Arc<Image>> {
+        let mut state = self.lock();
+        let preview = state.previews.peek(frame);
+        preview.or_else(|| state.thumbnails.peek(frame))
+    }
+
     /// Returns why the frame's image could not be loaded.
     #[must_use]
     pub fn failure(&self, frame: usize) -> Option<String> {
@@ -114,7 +157,11 @@ impl Images {
             state.receive(request, result);
         }
         let mut wanted = std::mem::take(&mut state.wanted);
-        wanted.sort_by_key(|request| matches!(request, ImageRequest::Thumbnail(_)));
+        wanted.sort_by_key(|request| match request {
+            ImageRequest::Preview(_) => 0,
+            ImageRequest::Full(_) => 1,
+            ImageRequest::Thumbnail(_) => 2,
+        });
         wanted.retain(|request| state.is_missing(*request));
         if wanted != state.sent {
             state.sent.clone_from(&wanted);
@@ -135,14 +182,12 @@ impl ImagesState {
     }
 
     fn is_missing(&self, request: ImageRequest) -> bool {
-        match request {
-            ImageRequest::Full(frame) => {
-                !self.images.kept.contains_key(&frame) && !self.failures.contains_key(&frame)
-            }
-            ImageRequest::Thumbnail(frame) => {
-                !self.thumbnails.kept.contains_key(&frame) && !self.failures.contains_key(&frame)
-            }
-        }
+        let (shelf, frame) = match request {
+            ImageRequest::Full(frame) => (&self.images, frame),
+            ImageRequest::Preview(frame) => (&self.previews, frame),
+            ImageRequest::Thumbnail(frame) => (&self.thumbnails, frame),
+        };
+        !shelf.kept.contains_key(&frame) && !self.failures.contains_key(&frame)
     }
 
     fn receive(&mut self, request: ImageRequest, result: Result<Arc<Image>, String>) {
@@ -154,7 +199,15 @@ impl ImagesState {
             (ImageRequest::Thumbnail(frame), Ok(image)) => {
                 self.thumbnails.put(frame, image, THUMBNAILS_KEPT);
             }
-            (ImageRequest::Full(frame) | ImageRequest::Thumbnail(frame), Err(text)) => {
+            (ImageRequest::Preview(frame), Ok(image)) => {
+                self.previews.put(frame, image, PREVIEWS_KEPT);
+            }
+            (
+                ImageRequest::Full(frame)
+                | ImageRequest::Preview(frame)
+                | ImageRequest::Thumbnail(frame),
+                Err(text),
+            ) => {
                 self.failures.insert(frame, text);
             }
         }
@@ -186,15 +239,28 @@ impl Shelf {
     }
 }
 
+/// Returns an image with at most `max_side` pixels on its longer side.
+fn reduced(image: Arc<Image>, max_side: u32) -> Arc<Image> {
+    if image.width.max(image.height) <= max_side {
+        image
+    } else {
+        Arc::new(shrunk(&image, max_side))
+    }
+}
+
 /// Reduces an image to a longer side of [`THUMBNAIL_PX`] pixels by block means.
 pub(crate) fn thumbnail(image: &Image) -> Image {
+    shrunk(image, THUMBNAIL_PX)
+}
+
+/// Reduces an image to a longer side of `max_side` pixels by block means; never enlarges it.
+fn shrunk(image: &Image, max_side: u32) -> Image {
     let longest = image.width.max(image.height);
-    if longest <= THUMBNAIL_PX {
+    if longest <= max_side {
         return image.clone();
     }
-    let scaled = |side: u32| {
-        ((u64::from(side) * u64::from(THUMBNAIL_PX)) / u64::from(longest)).max(1) as u32
-    };
+    let scaled =
+        |side: u32| ((u64::from(side) * u64::from(max_side)) / u64::from(longest)).max(1) as u32;
     let (width, height) = (scaled(image.width), scaled(image.height));
     let mut pixels = Vec::with_capacity((width * height) as usize);
     for y in 0..height {
@@ -282,6 +348,33 @@ mod tests {
             images.turn();
         }
         assert_eq!(images.failure(9).as_deref(), Some("gone"));
+    }
+
+    #[test]
+    fn previews_are_small_and_those_that_cannot_be_loaded_are_not_waited_for() {
+        let (reported, notified) = channel();
+        let load = |frame: usize| match frame {
+            2 => Err("gone".into()),
+            _ => Ok(Arc::new(Image {
+                width: 2560,
+                height: 100,
+                pixels: vec![[frame as u8; 3]; 256_000],
+            })),
+        };
+        let images = Images::new(load, move || reported.send(()).unwrap());
+        let frames = [0, 1, 2];
+        assert!(images.play(&frames).is_empty());
+        assert!(images.smaller(1).is_none());
+        images.turn();
+        while images.play(&frames).len() < 3 {
+            notified.recv_timeout(Duration::from_secs(60)).unwrap();
+            images.turn();
+        }
+        let preview = images.smaller(1).unwrap();
+        assert_eq!((preview.width, preview.height), (1280, 50));
+        assert_eq!(preview.pixels[0], [1; 3]);
+        assert!(images.smaller(2).is_none());
+        assert_eq!(images.failure(2).as_deref(), Some("gone"));
     }
 
     #[test]

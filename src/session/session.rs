@@ -48,7 +48,6 @@ pub struct Session {
     pub(crate) background: Background,
     pub(crate) track: Option<TrackRun>,
     pub(crate) prompting: Prompting,
-    pub(crate) interactions: usize,
     pub(crate) suggestions: Vec<Suggestion>,
     pub(crate) grounding: Option<Grounding>,
     pub(crate) unfinished: Option<Unfinished>,
@@ -100,7 +99,6 @@ impl Session {
             background: Background::default(),
             track: None,
             prompting: Prompting::default(),
-            interactions: 0,
             suggestions: Vec::new(),
             grounding: None,
             unfinished: None,
@@ -145,14 +143,6 @@ impl Session {
     #[must_use]
     pub fn store(&self) -> &Arc<FrameStore> {
         &self.store
-    }
-
-    /// Returns how often the user prompted, painted or corrected since the session began.
-    ///
-    /// Undone interactions count too.
-    #[must_use]
-    pub fn interactions(&self) -> usize {
-        self.interactions
     }
 
     /// Returns the pixels of a frame's mask before the last step that changed them.

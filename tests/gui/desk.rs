@@ -66,6 +66,9 @@ pub struct Desk {
     pub dragged: bool,
     pub unit: LengthUnit,
     pub requested: Vec<Command>,
+    pub revision: u64,
+    /// Project and conflicts when the window was last drawn.
+    pub drawn: Option<(Project, BTreeMap<usize, FrameConflict>)>,
 }
 
 impl Desk {
@@ -106,6 +109,8 @@ impl Desk {
             dragged: false,
             unit: LengthUnit::Metre,
             requested: Vec::new(),
+            revision: 0,
+            drawn: None,
         }
     }
 
@@ -121,6 +126,7 @@ impl Desk {
     }
 
     pub fn ui(&mut self, ui: &mut Ui) {
+        self.note_changes();
         let session = SessionView {
             preview_cloud: self.preview_cloud.as_ref(),
             depth_points: self.depth_points.as_ref(),
@@ -150,15 +156,25 @@ impl Desk {
             before: self.before.as_ref(),
             suggestions: &self.suggestions,
             grounding: self.grounding.as_ref(),
-            interactions: 3,
             traits: self.traits.as_ref(),
             angles: Some(&self.angles),
             unit: self.unit,
             conflicts: &self.conflicts,
             vote_mismatch: None,
-            estimate: self.project.estimate(|_| 1),
+            revision: self.revision,
         };
         self.requested.extend(self.shell.ui(ui, &session));
+    }
+
+    /// Changes the revision if a test changed the project or its conflicts.
+    fn note_changes(&mut self) {
+        let is_drawn = self.drawn.as_ref().is_some_and(|(project, conflicts)| {
+            *project == self.project && *conflicts == self.conflicts
+        });
+        if !is_drawn {
+            self.drawn = Some((self.project.clone(), self.conflicts.clone()));
+            self.revision += 1;
+        }
     }
 
     /// Returns a harness that shows this desk.

@@ -20,9 +20,13 @@ mod canvas;
 #[cfg(test)]
 mod conflicts;
 #[cfg(test)]
+mod counts;
+#[cfg(test)]
 mod desk;
 #[cfg(test)]
 mod dialogs;
+#[cfg(test)]
+mod frames;
 #[cfg(test)]
 mod gallery;
 #[cfg(test)]
@@ -45,6 +49,8 @@ mod menus;
 mod opening;
 #[cfg(test)]
 mod panels;
+#[cfg(test)]
+mod playback;
 #[cfg(test)]
 mod preferences;
 #[cfg(test)]

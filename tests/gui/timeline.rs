@@ -5,7 +5,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use ostra_app::Dialog;
 use ostra_frames::FrameSet;
-use ostra_masks::LabelId;
+use ostra_masks::{Label, LabelId, LabelTree};
 use ostra_project::Marks;
 use ostra_session::{Command, RangeChange, RangeRequest};
 
@@ -214,5 +214,44 @@ fn frame_where_a_label_is_lost_is_a_frame_to_check() {
         harness.state().shell.view.frame,
         5,
         "what is known to be gone is not lost"
+    );
+}
+
+#[test]
+fn timeline_is_as_high_as_the_rows_of_the_project_and_never_grows_by_itself() {
+    let tree = |count: u16| {
+        let mut tree = LabelTree::default();
+        for id in (1..=count).map(LabelId) {
+            tree.set(Label {
+                id,
+                name: format!("part {}", id.0),
+                color: LabelTree::color_for(id),
+                parent: None,
+            })
+            .unwrap();
+        }
+        tree
+    };
+    let height = |harness: &Harness<'_, Desk>| {
+        let strip = harness.get_by_label("Confidence over frames").rect();
+        strip.top() - harness.get_by_label("Image 000.png").rect().bottom()
+    };
+    let mut heights = Vec::new();
+    for count in [0, 2, 3, 5, 40] {
+        let mut desk = Desk::sample();
+        desk.project.masks.clear();
+        desk.project.labels = tree(count);
+        desk.size = Vec2::new(1400.0, 1440.0);
+        let mut harness = desk.shown();
+        heights.push(height(&harness));
+        harness.state_mut().project.labels = tree(41);
+        harness.run_steps(5);
+        assert_eq!(height(&harness), heights[heights.len() - 1], "{count}");
+    }
+    let rows: Vec<f32> = heights.iter().map(|height| height - heights[0]).collect();
+    assert_eq!(
+        rows,
+        [0.0, 0.0, 24.0, 48.0, 48.0],
+        "a large window has 4 rows at most"
     );
 }

@@ -65,6 +65,8 @@ mod recording;
 #[cfg(test)]
 mod repeated;
 #[cfg(test)]
+mod review;
+#[cfg(test)]
 mod scale;
 #[cfg(test)]
 mod shots;

@@ -7,6 +7,7 @@ use super::input::{CanvasPointer, canvas_input};
 use super::map::CanvasMap;
 use super::paint;
 use super::prompts::with_click;
+use super::shown_image::{paint_image, paint_played_mask};
 use super::toolbar::toolbar_ui;
 use crate::action::Requests;
 use crate::pointer::HoverDwell;
@@ -14,7 +15,7 @@ use crate::textures::Textures;
 use crate::{SessionView, Tone, ViewState};
 use ostra_masks::{Click, RunMask};
 use ostra_session::PromptRequest;
-use ostra_view::{Layer, OverlayStyle, ramp};
+use ostra_view::{Layer, ramp};
 
 /// Draws the shown frame's image with its tool row; returns `true` if the pane is dragged away.
 pub(crate) fn image_pane_ui(
@@ -45,7 +46,9 @@ pub(crate) fn image_pane_ui(
         response: &response,
         map: &map,
     };
-    canvas_input(&pointer, session, view, &mut requests.commands);
+    if !pauses_playback(&pointer, view) {
+        canvas_input(&pointer, session, view, &mut requests.commands);
+    }
     let map = view.zoom.map(pane, size_px);
     view.pointer_px = response
         .hover_pos()
@@ -58,6 +61,20 @@ pub(crate) fn image_pane_ui(
     is_dragged
 }
 
+/// Pauses playback if the image is pressed; returns `true` while that press lasts.
+fn pauses_playback(pointer: &CanvasPointer<'_>, view: &mut ViewState) -> bool {
+    let CanvasPointer { ui, response, .. } = pointer;
+    let (is_pressed, is_down) = ui.input(|input| {
+        let pointer = &input.pointer;
+        let is_pressed = pointer.primary_pressed() || pointer.secondary_pressed();
+        // Space with a drag moves the image.
+        let is_pressed = is_pressed && !input.key_down(egui::Key::Space);
+        (is_pressed, pointer.any_down())
+    });
+    let is_pressed = is_pressed && response.contains_pointer();
+    view.playback.takes_press(is_pressed, is_down)
+}
+
 fn draw(
     ui: &Ui,
     session: &SessionView<'_>,
@@ -68,13 +85,8 @@ fn draw(
     let painter = ui.painter_at(map.pane);
     painter.rect_filled(map.pane, 0.0, ui.visuals().extreme_bg_color);
     if view.layer == Layer::Image {
-        match session.images.and_then(|images| images.image(view.frame)) {
-            Some(image) => paint::texture(
-                &painter,
-                map,
-                textures.image(ui.ctx(), &image, view.tone).id(),
-            ),
-            None => placeholder(ui, session, view, map),
+        if !paint_image(&painter, session, view, textures, map) {
+            placeholder(ui, session, view, map);
         }
     } else {
         layer(ui, session, view, textures, map);
@@ -91,7 +103,11 @@ fn draw(
             },
         );
     }
-    mask(ui, session, view, textures, map, before);
+    if view.masks_shown && paint_played_mask(&painter, session, view, textures, map) {
+        only_banner(&painter, session, view, map);
+    } else {
+        mask(ui, session, view, textures, map, before);
+    }
     if let Some(region) = session
         .vote_mismatch
         .filter(|_| view.masks_shown && !view.compare)
@@ -135,18 +151,22 @@ fn mask(
     }
     let painter = &ui.painter_at(map.pane);
     if let Some(runs) = before.or_else(|| session.project.mask_in_play(view.frame)) {
-        let prefs = &view.prefs;
-        let style = OverlayStyle {
-            opacity: prefs.opacity,
-            outlines: prefs.outlines,
-            hidden: view.hidden.clone(),
-            only: view.shown_label(),
-        };
+        let style = view.overlay_style();
         // About one pixel of the mask per pixel of the screen keeps outlines visible.
         let step = (1.0 / (map.scale * ui.pixels_per_point())).round().max(1.0) as usize;
         let texture = textures.mask(ui.ctx(), &runs, &session.project.labels, &style, step);
         paint::texture(painter, map, texture.id());
     }
+    only_banner(painter, session, view, map);
+}
+
+/// Says that only one label is shown.
+fn only_banner(
+    painter: &egui::Painter,
+    session: &SessionView<'_>,
+    view: &ViewState,
+    map: &CanvasMap,
+) {
     if let Some(label) = view
         .shown_label()
         .and_then(|label| session.project.labels.get(label))
@@ -251,6 +271,7 @@ fn may_preview(ui: &Ui, session: &SessionView<'_>, view: &ViewState) -> bool {
         && view.masks_shown
         && view.tool == Tool::Click
         && view.dialog.is_none()
+        && !view.playback.is_playing()
         && !busy
 }
 

@@ -6,6 +6,7 @@ mod input;
 mod map;
 mod paint;
 mod prompts;
+mod shown_image;
 mod toolbar;
 
 pub use draft::{Draft, Tool};

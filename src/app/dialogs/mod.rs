@@ -5,6 +5,7 @@ mod export_form;
 mod export_presets;
 mod exported;
 mod forms;
+mod go_to_frame;
 mod help;
 mod help_page;
 mod into;
@@ -25,6 +26,7 @@ pub(super) use exported::exported_ui;
 pub use forms::{
     ImageForm, ModelsForm, PaletteState, RelocateForm, ScreenshotRequest, SheetState, Take,
 };
+pub(super) use go_to_frame::go_to_frame_ui;
 pub(super) use help::help_ui;
 pub use help_page::HelpPage;
 pub(super) use into::into_ui;

@@ -2,6 +2,8 @@ use egui::{
     Color32, Pos2, Rect, Response, Role, ScrollArea, Sense, Shape, Stroke, Ui, Vec2, WidgetInfo,
 };
 
+use super::heat::check_reasons_ui;
+use crate::mask_drawings::MaskSize;
 use crate::textures::Textures;
 use crate::{SessionView, ViewState};
 use ostra_project::{FrameMask, MaskOrigin};
@@ -17,7 +19,7 @@ const UV: Rect = Rect {
 
 /// State of a frame's mask, shown as a badge on its thumbnail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum FrameState {
+pub(super) enum FrameState {
     None,
     Tracked,
     Keyframe,
@@ -100,10 +102,13 @@ fn tile_ui(
     let name = format!("Frame {frame}, {}", state.text());
     response.widget_info(|| WidgetInfo::selected(Role::Button, true, shown, &name));
     background(ui, &response, rect, shown);
-    image(ui, tile, session, textures);
+    image(ui, tile, session, view, textures);
     caption(ui, tile, state, shown);
     label_marks(ui, tile, session, view);
-    response.on_hover_ui(|ui| tooltip_ui(ui, session, mask, frame, state))
+    response.on_hover_ui(|ui| {
+        tooltip_ui(ui, session, mask, frame, state);
+        check_reasons_ui(ui, session, view, frame);
+    })
 }
 
 fn background(ui: &Ui, response: &Response, rect: Rect, shown: bool) {
@@ -124,7 +129,14 @@ fn background(ui: &Ui, response: &Response, rect: Rect, shown: bool) {
     }
 }
 
-fn image(ui: &Ui, tile: Tile, session: &SessionView<'_>, textures: &mut Textures) {
+/// Draws the thumbnail with the mask over it.
+fn image(
+    ui: &Ui,
+    tile: Tile,
+    session: &SessionView<'_>,
+    view: &ViewState,
+    textures: &mut Textures,
+) {
     let Tile { frame, rect } = tile;
     let place = rect.shrink(2.0);
     let Some(image) = session.images.and_then(|images| images.thumbnail(frame)) else {
@@ -137,6 +149,13 @@ fn image(ui: &Ui, tile: Tile, session: &SessionView<'_>, textures: &mut Textures
     let scale = (place.width() / size.x).min(place.height() / size.y);
     let fitted = Rect::from_center_size(place.center(), size * scale);
     ui.painter().image(texture.id(), fitted, UV, Color32::WHITE);
+    if !view.masks_shown {
+        return;
+    }
+    let (masks, size) = (&mut textures.masks, MaskSize::Thumbnail);
+    if let Some(mask) = masks.texture(ui.ctx(), session.project, size, frame) {
+        ui.painter().image(mask.id(), fitted, UV, Color32::WHITE);
+    }
 }
 
 fn caption(ui: &Ui, tile: Tile, state: FrameState, shown: bool) {
@@ -171,7 +190,7 @@ fn caption(ui: &Ui, tile: Tile, state: FrameState, shown: bool) {
 /// Draws a badge whose states differ in shape as well as colour.
 ///
 /// Ring: no mask; dot: tracked; diamond: keyframe; triangle: stale.
-fn badge(ui: &Ui, at: Pos2, state: FrameState) {
+pub(super) fn badge(ui: &Ui, at: Pos2, state: FrameState) {
     let color = state.color(ui);
     let corners = |points: &[(f32, f32)]| {
         Shape::convex_polygon(
@@ -197,7 +216,7 @@ fn badge(ui: &Ui, at: Pos2, state: FrameState) {
 fn label_marks(ui: &Ui, tile: Tile, session: &SessionView<'_>, view: &ViewState) {
     let Tile { frame, rect } = tile;
     let mut right = rect.right() - 5.0;
-    for &label in view.presence.on_frame(frame).iter().rev().take(7) {
+    for &label in view.frames.presence.on_frame(frame).iter().rev().take(7) {
         let [r, g, b] = session
             .project
             .labels
@@ -238,7 +257,10 @@ fn tooltip_ui(
             .labels
             .get(*label)
             .map_or("?", |label| label.name.as_str());
-        ui.label(format!("{name}: {:.0} % confidence", confidence * 100.0));
+        ui.label(format!(
+            "{name}: tracker confidence {:.0} %",
+            confidence * 100.0
+        ));
     }
 }
 

@@ -2,16 +2,15 @@ use std::ops::Range;
 
 use egui::{Color32, Pos2, Rect, Role, Sense, Stroke, Ui, Vec2, WidgetInfo, lerp};
 
-use crate::ranges::lost_on;
+use crate::frame_review::FrameHeat;
 use crate::{SessionView, ViewState};
-use ostra_masks::LabelId;
-use ostra_project::{FrameMask, MaskOrigin};
+use ostra_project::MaskOrigin;
+
+/// Colour of keyframes.
+pub(super) const CONFIRMED: Color32 = Color32::from_rgb(80, 190, 110);
 
 /// Height of the strip in points.
 pub(crate) const HEAT_HEIGHT: f32 = 9.0;
-
-/// Share of conflicting pixels at which a frame gets confidence 0.
-const WORST_SHARE: f32 = 0.2;
 
 /// Draws a strip of all frames, coloured by confidence; a click or drag goes to the frame.
 ///
@@ -27,7 +26,7 @@ pub(crate) fn heat_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewSta
     };
     ui.painter()
         .rect_filled(rect, 2.0, ui.visuals().extreme_bg_color);
-    columns.paint(ui, |frames| worst(ui, session, view, frames));
+    columns.paint(ui, |frames| worst(ui, view, frames));
     for frame in [
         view.range.map(|range| range.0),
         view.range.map(|range| range.1),
@@ -140,95 +139,61 @@ pub(super) fn heat(confidence: f32) -> Color32 {
     Color32::from_rgb(r, g, b)
 }
 
-fn worst(
-    ui: &Ui,
-    session: &SessionView<'_>,
-    view: &ViewState,
-    frames: Range<usize>,
-) -> Option<Color32> {
-    let mut keyframe = None;
+/// Returns the colour of the frame that needs attention most, among frames that share a column.
+fn worst(ui: &Ui, view: &ViewState, frames: Range<usize>) -> Option<Color32> {
+    let mut is_confirmed = false;
     let mut least: Option<f32> = None;
-    for (&frame, mask) in session.project.masks.range(frames) {
-        match sureness(session, view, frame, mask) {
-            Some(confidence) => {
+    for heat in view.frames.heat.get(frames)? {
+        match *heat {
+            FrameHeat::Empty => {}
+            FrameHeat::Confirmed => is_confirmed = true,
+            FrameHeat::Stale => return Some(ui.visuals().warn_fg_color),
+            FrameHeat::Confidence(confidence) => {
                 least = Some(least.map_or(confidence, |least| least.min(confidence)));
             }
-            None => keyframe = Some(Color32::from_rgb(80, 190, 110)),
         }
     }
-    let stale = |confidence: f32| {
-        if confidence < 0.0 {
-            ui.visuals().warn_fg_color
-        } else {
-            heat(confidence)
-        }
-    };
+    let confirmed = is_confirmed.then_some(CONFIRMED);
     least
         .filter(|&confidence| confidence < view.prefs.flag_below)
-        .map(stale)
-        .or(keyframe)
-        .or(least.map(stale))
-}
-
-/// Returns the lowest confidence on a frame: 0 if a label was lost, negative if it is stale.
-///
-/// Returns `None` for a keyframe without a notable conflict with the vote.
-fn sureness(
-    session: &SessionView<'_>,
-    view: &ViewState,
-    frame: usize,
-    mask: &FrameMask,
-) -> Option<f32> {
-    let by_vote = session.conflicts.get(&frame).map_or(1.0, |conflict| {
-        (1.0 - conflict.share() / WORST_SHARE).max(0.0)
-    });
-    if mask.origin == MaskOrigin::Keyframe {
-        return Some(by_vote).filter(|&confidence| confidence < view.prefs.flag_below);
-    }
-    let least = mask.confidence.values().copied().fold(by_vote, f32::min);
-    let lost = lost_on(session.project, view, frame).next().is_some();
-    Some(if mask.stale {
-        -1.0
-    } else if lost {
-        0.0
-    } else {
-        least
-    })
+        .map(heat)
+        .or(confirmed)
+        .or(least.map(heat))
 }
 
 fn tip_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState, frame: usize) {
     ui.strong(format!("Frame {frame}"));
+    match session.project.masks.get(&frame) {
+        None => drop(ui.weak("no mask")),
+        Some(mask) if mask.origin == MaskOrigin::Keyframe => drop(ui.label("keyframe")),
+        Some(_) => drop(ui.label("tracked")),
+    }
+    check_reasons_ui(ui, session, view, frame);
     if let Some(conflict) = session.conflicts.get(&frame) {
-        ui.label(format!(
+        ui.weak(format!(
             "{:.1} % in conflict with the 3-D vote",
             100.0 * conflict.share()
         ));
     }
-    let name = |label: LabelId| {
-        session
-            .project
-            .labels
-            .get(label)
-            .map_or("?", |label| label.name.as_str())
-    };
-    match session.project.masks.get(&frame) {
-        None => drop(ui.weak("no mask")),
-        Some(mask) if mask.origin == MaskOrigin::Keyframe => drop(ui.label("keyframe")),
-        Some(mask) => {
-            if mask.stale {
-                ui.colored_label(ui.visuals().warn_fg_color, "stale");
-            }
-            for (&label, confidence) in &mask.confidence {
-                ui.label(format!(
-                    "{}: {:.0} % confidence",
-                    name(label),
-                    confidence * 100.0
-                ));
-            }
-            for label in lost_on(session.project, view, frame) {
-                ui.colored_label(ui.visuals().warn_fg_color, format!("{}: lost", name(label)));
-            }
-        }
+}
+
+/// Lists why a frame is to be checked, if it is.
+pub(super) fn check_reasons_ui(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    view: &ViewState,
+    frame: usize,
+) {
+    for reason in view
+        .frames
+        .review
+        .to_check
+        .get(&frame)
+        .into_iter()
+        .flatten()
+    {
+        let text = format!("To check: {}", reason.text(&session.project.labels));
+        ui.colored_label(ui.visuals().warn_fg_color, text);
     }
 }
 

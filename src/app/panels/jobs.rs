@@ -1,7 +1,8 @@
-use egui::{ProgressBar, RichText, Ui};
+use egui::{Button, ProgressBar, RichText, Ui};
 use ostra_core::job::{StepState, time_left_text};
 use ostra_session::{Command, JobTask};
 
+use super::counts::counts_ui;
 use super::range_bar::range_bar_ui;
 use crate::canvas::id_at;
 use crate::tooltips::{action_button, grouped, primary_button};
@@ -19,12 +20,15 @@ pub(crate) fn status_ui(
     ui.horizontal(|ui| {
         if let Some(frame) = session.project.frames.get(view.frame) {
             let count = session.project.frames.len();
-            ui.label(format!(
-                "Frame {} ({} of {count})",
-                view.frame,
-                view.frame + 1
-            ))
-            .on_hover_text("Frames are numbered from 0, as in files and on the command line");
+            let text = format!("Frame {} ({} of {count})", view.frame, view.frame + 1);
+            let number = ui.add(Button::new(text).frame_when_inactive(false).small());
+            let keys = view.prefs.shortcuts.tip(ui.ctx(), Action::GoToFrame);
+            let number = number.on_hover_text(format!(
+                "Frames are numbered from 0, as in files and on the command line.\n{keys}"
+            ));
+            if number.clicked() {
+                actions.push(Action::GoToFrame);
+            }
             ui.weak(&frame.name);
             ui.separator();
             if view.range.is_some() {
@@ -34,7 +38,7 @@ pub(crate) fn status_ui(
             }
         }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            work_ui(ui, session);
+            counts_ui(ui, session, view, actions);
             if let Some(cloud) = session.cloud {
                 ui.weak(format!("{} points", grouped(cloud.len())));
             }
@@ -50,25 +54,6 @@ pub(crate) fn status_ui(
             }
         });
     });
-}
-
-/// Shows the number of manual interactions and the mean confidence of the tracker.
-fn work_ui(ui: &mut Ui, session: &SessionView<'_>) {
-    let Some(estimate) = session.estimate else {
-        return;
-    };
-    let (count, percent) = (session.interactions, estimate.accuracy * 100.0);
-    let noun = if count == 1 { "edit" } else { "edits" };
-    let tip = format!(
-        "Clicks, boxes, strokes and corrections since the project was opened, including undone ones. The confidence \
-         is the tracker's own, the mean over labels on {} frames with masks; a keyframe counts as 100 %",
-        estimate.frames
-    );
-    ui.label(format!(
-        "{count} {noun} · {percent:.0} % mean tracker confidence"
-    ))
-    .on_hover_text(tip);
-    ui.separator();
 }
 
 fn pointer_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState) {

@@ -277,7 +277,7 @@ fn row_end_ui(
     more.on_hover_text("Rename, move, remove")
         .accessible_name(format!("More for {}", label.name));
     eye_ui(ui, view, label);
-    let frames = view.presence.frames_with(label.id);
+    let frames = view.frames.presence.frames_with(label.id);
     let (mut text, mut tip) = (
         frames.to_string(),
         format!("'{}' is on {frames} frames", label.name),

@@ -1,6 +1,7 @@
 //! Panels around the image and the 3-D view, one function per section.
 
 mod conflicts;
+mod counts;
 mod filmstrip;
 mod fuse;
 mod heat;
@@ -12,6 +13,7 @@ mod matches;
 mod measure_settings;
 mod measure_table;
 mod measures;
+mod play_controls;
 mod range_bar;
 mod reconstruct;
 mod ruler;
@@ -44,6 +46,7 @@ pub(super) use matches::matches_ui;
 pub(super) use measure_settings::{ground_ui, unit_ui};
 pub(super) use measure_table::MeasureView;
 pub(super) use measures::measures_ui;
+pub(super) use play_controls::{CONTROLS_WIDTH, play_controls_ui};
 pub(super) use reconstruct::pairs_in;
 pub(super) use ruler::{scale_note_ui, scale_refusal};
 pub(super) use scene_pane::ScenePane;
@@ -52,6 +55,6 @@ pub(super) use scene_tools::Ruler;
 pub use scene_tools::{InspectedPoint, SceneSelect, SelectShape};
 pub(super) use steps::{step_strip_ui, steps_ui};
 pub(super) use suggestions::{is_explained, offered};
-pub(super) use timeline::{ROW, timeline_ui};
+pub(super) use timeline::{timeline_height, timeline_rows, timeline_ui};
 pub(super) use track::keep_track_valid;
 pub(super) use welcome::welcome_ui;

@@ -9,10 +9,27 @@ use crate::{Action, SessionView, ViewState};
 use ostra_masks::{Label, LabelId};
 use ostra_project::MaskOrigin;
 
-pub(crate) const ROW: f32 = 17.0;
+/// Height of a row in points, with the gap below it.
+const ROW: f32 = 24.0;
+const GAP: f32 = 1.0;
+/// Rows that have a place before labels come, so that the image does not move at the first click.
+const RESERVED_ROWS: usize = 2;
+/// Share of the window that the rows of a project with many labels get at first.
+const MAX_SHARE: f32 = 0.07;
 const NAMES: f32 = 120.0;
 /// Minimum width of a frame. If not all frames fit, those around the shown one are drawn.
 const LEAST_WIDTH: f32 = 4.0;
+
+/// Returns the number of rows that a project shows at first without scrolling.
+pub(crate) fn timeline_rows(labels: usize, window_height: f32) -> usize {
+    let most = (MAX_SHARE * window_height / ROW) as usize;
+    labels.clamp(RESERVED_ROWS, most.max(RESERVED_ROWS))
+}
+
+/// Returns the height of a number of rows.
+pub(crate) fn timeline_height(rows: usize) -> f32 {
+    ROW * rows as f32
+}
 
 /// Draws the grid of labels and frames with presence, confidence and marks.
 ///
@@ -31,7 +48,7 @@ pub(crate) fn timeline_ui(
         .min_scrolled_height(0.0)
         .auto_shrink([false, false])
         .show(ui, |ui| {
-            ui.spacing_mut().item_spacing.y = 1.0;
+            ui.spacing_mut().item_spacing.y = GAP;
             for label in rows {
                 let row = TimelineRow {
                     label,
@@ -81,7 +98,7 @@ fn row_ui(
     let TimelineRow { label, frames } = row;
     let ListedLabel { label, depth, .. } = &label;
     let (rect, response) = ui.allocate_exact_size(
-        Vec2::new(ui.available_width(), ROW),
+        Vec2::new(ui.available_width(), ROW - GAP),
         Sense::click_and_drag(),
     );
     if !ui.is_rect_visible(rect) {
@@ -164,7 +181,7 @@ fn cells_of(
     let [r, g, b] = label.color;
     let color = Color32::from_rgb(r, g, b);
     let marks = session.project.marks_of(label.id);
-    let is_on = |frame: usize| view.presence.on_frame(frame).contains(&label.id);
+    let is_on = |frame: usize| view.frames.presence.on_frame(frame).contains(&label.id);
     let keyframe = |frame: usize| {
         session
             .project
@@ -256,13 +273,14 @@ fn input(ui: &Ui, response: &Response, view: &mut ViewState, label: LabelId, col
 fn tip_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState, label: &Label, frame: usize) {
     ui.strong(format!("{}, frame {frame}", label.name));
     let mask = session.project.masks.get(&frame);
-    let on = view.presence.on_frame(frame).contains(&label.id);
+    let on = view.frames.presence.on_frame(frame).contains(&label.id);
     let confidence = mask.and_then(|mask| mask.confidence.get(&label.id));
     match (on, mask.map(|mask| mask.origin), confidence) {
         (true, Some(MaskOrigin::Keyframe), _) => ui.label("keyframe"),
-        (true, _, Some(confidence)) => {
-            ui.label(format!("tracked, {:.0} % confidence", confidence * 100.0))
-        }
+        (true, _, Some(confidence)) => ui.label(format!(
+            "tracked, tracker confidence {:.0} %",
+            confidence * 100.0
+        )),
         (true, _, None) => ui.label("tracked"),
         (false, ..) => ui.weak("not on this frame"),
     };

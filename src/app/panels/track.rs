@@ -136,7 +136,7 @@ fn pause_ui(ui: &mut Ui, pause_below: &mut Option<f32>) {
 /// Draws the confidence below which frames are flagged for checking.
 fn check_ui(ui: &mut Ui, flag_below: &mut f32) {
     ui.horizontal(|ui| {
-        let tip = "Frames with a label of lower confidence are listed for checking";
+        let tip = "Frames on which the tracker's own confidence in a label is lower are listed for checking; it is no measured accuracy";
         ui.label("Flag when confidence <").on_hover_text(tip);
         let mut percent = *flag_below * 100.0;
         let drag = DragValue::new(&mut percent)

@@ -1,6 +1,7 @@
 use std::fs;
 
 use super::*;
+use ostra_project::review::Review;
 
 fn window() -> Window {
     let shell = Shell::new(Prefs::default(), None);
@@ -34,13 +35,11 @@ fn recipe_replaces_a_changed_file_only_if_the_user_agreed() {
 }
 
 #[test]
-fn estimate_of_a_closed_project_is_dropped() {
+fn counts_of_a_closed_project_are_dropped() {
     let mut window = window();
-    window.estimate = Some(Estimate {
-        accuracy: 0.9,
-        frames: 12,
-    });
+    window.shell.view.frames.review.confirmed = 3;
+    let before = window.revision;
     window.take(Event::Closed);
-    window.update_estimate();
-    assert_eq!(window.estimate, None);
+    assert_eq!(window.shell.view.frames.review, Review::default());
+    assert_ne!(window.revision, before, "and counted again");
 }

@@ -103,7 +103,6 @@ impl Session {
         self.grounding = None;
         self.unfinished = None;
         self.running_record = None;
-        self.interactions = 0;
         let was_open = self.open.take().is_some() | self.inspected.take().is_some();
         if was_open {
             self.events.push(Event::Closed);
