@@ -73,7 +73,7 @@ impl Action {
             | A::GoToFrame => without_frames(session),
             A::TogglePlay => without_frames(session).or(needs(
                 session.project.frames.len() > 1,
-                "There is only one frame",
+                "Needs at least two frames",
             )),
             A::NextUncertain => without_frames(session).or(needs(
                 view.frames.review.next_after(view.frame).is_some(),

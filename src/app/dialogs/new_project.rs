@@ -1,5 +1,7 @@
 //! Dialog for a new project, or for more frames of the open one.
 
+use std::path::PathBuf;
+
 use egui::{DragValue, Grid, Key, RichText, ScrollArea, TextEdit, Ui};
 
 use super::new_project_form::{NewProjectForm, SourceKind, Stage, resolved};
@@ -105,7 +107,7 @@ fn frames_ui(ui: &mut Ui, view: &mut ViewState) {
         [path] => resolved(path),
         _ => None,
     };
-    ui.weak(whole.map_or_else(|| " ".into(), |path| path.display().to_string()));
+    whole_path_ui(ui, whole);
     ui.horizontal(|ui| {
         let buttons = [
             (
@@ -197,7 +199,22 @@ fn root_ui(
     });
     // The row is there from the start, so that the buttons below stay where they are.
     let whole = typed_path(&form.root).and_then(|path| resolved(&path));
-    ui.weak(whole.map_or_else(|| " ".into(), |path| path.display().to_string()));
+    whole_path_ui(ui, whole);
+}
+
+/// Draws the whole path of what was typed, or keeps its place free.
+fn whole_path_ui(ui: &mut Ui, path: Option<PathBuf>) {
+    match path {
+        Some(path) => {
+            ui.weak(path.display().to_string());
+        }
+        None => {
+            ui.allocate_space(egui::vec2(
+                1.0,
+                ui.text_style_height(&egui::TextStyle::Body),
+            ));
+        }
+    }
 }
 
 fn advanced_ui(ui: &mut Ui, view: &mut ViewState) {
