@@ -24,7 +24,7 @@ impl FocusRing {
         if !self.is_shown {
             return;
         }
-        let focused = ctx.memory(|memory| memory.focused());
+        let focused = ctx.memory(egui::Memory::focused);
         let Some(response) = focused.and_then(|id| ctx.read_response(id)) else {
             return;
         };

@@ -279,7 +279,7 @@ mod tests {
             "half of it shows the image: {stripes}"
         );
         for color in STRIPE_COLORS {
-            assert!(pixels.contains(&opaque(color)), "{color:?}");
+            assert!(pixels.contains(&super::opaque(color)), "{color:?}");
         }
         assert!((0..1200).all(|at| region.inside[at] || pixels[at] == [0; 4]));
     }

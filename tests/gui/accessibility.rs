@@ -29,7 +29,8 @@ fn nameless(harness: &Harness<'_, Desk>) -> Vec<String> {
             .raw_bounds()
             .is_some_and(|rect| rect.width().min(rect.height()) <= 6.0);
         let is_foreign = data.role() == Role::ScrollBar || data.role() == Role::Unknown && is_thin;
-        let is_wrong = is_control && !is_foreign && !(has_role && has_name) && !node.is_hidden();
+        let is_concerned = is_control && !is_foreign && !node.is_hidden();
+        let is_wrong = is_concerned && !(has_role && has_name);
         is_wrong.then(|| format!("{:?} at {:?}", data.role(), node.raw_bounds()))
     });
     unnamed.chain(other).collect()
@@ -122,7 +123,7 @@ fn tour(harness: &mut Harness<'_, Desk>) -> Vec<String> {
     for _ in 0..400 {
         press(harness, Modifiers::SHIFT, Key::Tab);
         let nodes = harness.root().children_recursive();
-        let focused = nodes.into_iter().find(|node| node.is_focused());
+        let focused = nodes.into_iter().find(egui_kittest::Node::is_focused);
         let Some(focused) = focused else { continue };
         let node = focused.accesskit_node();
         let name = format!("{:?} {}", node.id(), node.label().unwrap_or_default());

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
-use ostra_app::{Action, Shortcuts};
+use ostra_app::{Action, MenuName, Shortcuts};
 
 use crate::generated_page;
 
@@ -13,7 +13,7 @@ fn table() -> String {
     let shortcuts = Shortcuts::default();
     let mut page = String::from("\n| action | menu | shortcut | effect |\n|---|---|---|---|\n");
     for action in Action::all() {
-        let menu = action.menu().map_or_else(String::new, |menu| menu.path());
+        let menu = action.menu().map_or_else(String::new, MenuName::path);
         let keys = match shortcuts.text(&ctx, action) {
             keys if keys.is_empty() => keys,
             keys => format!("`{keys}`"),

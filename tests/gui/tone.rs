@@ -22,7 +22,7 @@ struct Recorder(Drawn);
 impl TestRenderer for Recorder {
     fn handle_delta(&mut self, delta: &mut TexturesDelta) {
         let delta = std::mem::take(delta);
-        for change in delta.set.iter().flat_map(|(_, changes)| changes) {
+        for change in delta.set.values().flatten() {
             let ImageData::Color(image) = &change.image;
             let is_frame = image.size == [WIDTH as usize, HEIGHT as usize];
             // Thumbnails have another filter.
@@ -48,6 +48,10 @@ fn shown() -> (Harness<'static, Desk>, Drawn) {
 }
 
 /// Draws until there is another image, and returns its pixels.
+#[expect(
+    clippy::disallowed_methods,
+    reason = "the image is loaded by a thread that the test cannot wait for"
+)]
 fn next_image((harness, drawn): &mut (Harness<'static, Desk>, Drawn)) -> Vec<Color32> {
     for _ in 0..200 {
         if let Some(pixels) = drawn.lock().unwrap().drain(..).next_back() {
