@@ -36,6 +36,8 @@ mod matches;
 #[cfg(test)]
 mod measures;
 #[cfg(test)]
+mod networks;
+#[cfg(test)]
 mod opening;
 #[cfg(test)]
 mod panels;
