@@ -1,22 +1,42 @@
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 
-use super::print::{print_text, print_to_stderr, printable};
+use super::print::{print_json, print_text, print_to_stderr, printable};
 use super::stop;
-use ostra_compute::nn::{Added, CheckedFile, Fetched, ModelStatus, Verification};
-use ostra_session::{add_model, check_model, install_model, list_models};
+use ostra_compute::nn::{
+    Added, CheckedFile, Fetched, InstallOptions, ListedAddress, ModelStatus, TestResult,
+    Verification,
+};
+use ostra_core::job::Progress;
+use ostra_session::{
+    NetworkTest, add_model, check_model, failed_test_text, install_model, list_addresses,
+    list_models, remove_model, test_model,
+};
 
 #[derive(Debug, clap::Subcommand)]
 pub(super) enum ModelsCommand {
     /// List known and installed networks.
-    List,
-    /// Download and install a network.
+    List {
+        /// Print JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Download, install and test a network.
     Install {
         /// Name in the catalogue.
         name: String,
+        /// Variant to install; the recommended one if not given.
+        #[arg(long)]
+        variant: Option<String>,
+        /// Folder of files that were downloaded by other means.
+        #[arg(long, value_name = "FOLDER")]
+        from: Option<PathBuf>,
+        /// Accept the licence of a network that asks for it.
+        #[arg(long)]
+        accept_licence: bool,
     },
-    /// Install a network from files.
+    /// Install a network from files, and test it.
     Add {
         /// Name in the catalogue.
         name: String,
@@ -24,29 +44,103 @@ pub(super) enum ModelsCommand {
         #[arg(required = true)]
         files: Vec<PathBuf>,
     },
-    /// Load an installed network and check its inputs and outputs.
+    /// Load an installed network, check its inputs and outputs, and test it.
     Check {
         /// Name in the catalogue.
         name: String,
+    },
+    /// Ask an installed network questions with known answers.
+    Test {
+        /// Name in the catalogue.
+        name: String,
+    },
+    /// Delete the files of a network.
+    Remove {
+        /// Name in the catalogue.
+        name: String,
+    },
+    /// List the files to download, for machines without a network connection.
+    Addresses {
+        /// Name in the catalogue; all networks if not given.
+        name: Option<String>,
+        /// Print JSON.
+        #[arg(long)]
+        json: bool,
     },
 }
 
 pub(super) fn models(command: &ModelsCommand) -> Result<()> {
     match command {
-        ModelsCommand::List => list_models()?.iter().for_each(|row| print_text(&line(row))),
-        ModelsCommand::Install { name } => print_added(&install_model(name, &mut progress())?),
-        ModelsCommand::Add { name, files } => print_added(&add_model(name, files)?),
-        ModelsCommand::Check { name } => check_model(name)?
+        ModelsCommand::List { json } => {
+            let rows = list_models()?;
+            if *json {
+                print_json(&serde_json::to_string(&rows)?);
+            } else {
+                rows.iter().for_each(|row| print_text(&lines(row)));
+            }
+        }
+        ModelsCommand::Install {
+            name,
+            variant,
+            from,
+            accept_licence,
+        } => {
+            let options = InstallOptions {
+                variant: variant.clone(),
+                from: from.clone(),
+                accept_licence: *accept_licence,
+            };
+            print_added(&install_model(name, &options, &mut progress())?);
+            test(name)?;
+        }
+        ModelsCommand::Add { name, files } => {
+            print_added(&add_model(name, files)?);
+            test(name)?;
+        }
+        ModelsCommand::Check { name } => {
+            check_model(name)?
+                .iter()
+                .for_each(|file| print_text(&checked(file)));
+            test(name)?;
+        }
+        ModelsCommand::Test { name } => test(name)?,
+        ModelsCommand::Remove { name } => remove_model(name)?
             .iter()
-            .for_each(|file| print_text(&checked(file))),
+            .for_each(|path| print_text(&format!("{}: removed\n", path.display()))),
+        ModelsCommand::Addresses { name, json } => {
+            let listed = list_addresses(name.as_deref())?;
+            if *json {
+                print_json(&serde_json::to_string(&listed)?);
+            } else {
+                listed.iter().for_each(|file| print_text(&address(file)));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Tests an installed network.
+///
+/// # Errors
+/// Fails if its answers are wrong.
+fn test(name: &str) -> Result<()> {
+    match test_model(name, &Progress::default())? {
+        NetworkTest::Passed(figures) => print_text(&format!("{name}: test passed: {figures}\n")),
+        NetworkTest::Failed(what) => bail!(failed_test_text(name, &what)),
+        NetworkTest::Untested(why) => print_text(&format!("{name}: not tested: {why}\n")),
     }
     Ok(())
 }
 
 fn print_added(files: &[Added]) {
     files.iter().for_each(|added| {
+        let digest = if added.is_known {
+            String::new()
+        } else {
+            format!("; SHA-256 {}", added.sha256)
+        };
         print_text(&format!(
-            "{}: {}\n",
+            "{}: {}{digest}\n",
             added.path.display(),
             verification_text(&added.proof)
         ));
@@ -77,7 +171,8 @@ fn progress() -> impl FnMut(Fetched<'_>) -> bool {
     }
 }
 
-fn line(row: &ModelStatus) -> String {
+/// Returns the lines of a network in the list.
+fn lines(row: &ModelStatus) -> String {
     let state = match &row.installed {
         Some(installed) => {
             let place = installed
@@ -85,13 +180,74 @@ fn line(row: &ModelStatus) -> String {
                 .first()
                 .map(|path| path.display().to_string())
                 .unwrap_or_default();
-            format!("{:.1} MB in {place}", installed.bytes as f64 / 1e6)
+            let variant = row
+                .installed_variant
+                .as_ref()
+                .map_or(String::new(), |variant| format!(" ({variant})"));
+            let test = match &row.tested {
+                Some(TestResult::Passed) => "; test passed".to_owned(),
+                Some(TestResult::Failed(what)) => {
+                    format!("; not used, its answers are wrong: {what}")
+                }
+                None => String::new(),
+            };
+            format!("{}{variant} in {place}{test}", megabytes(installed.bytes))
         }
-        None => "not installed".into(),
+        None if row.has_address => {
+            let size = row.download_bytes.map_or(String::new(), |bytes| {
+                format!(", download {}", megabytes(bytes))
+            });
+            format!("not installed{size}")
+        }
+        None => format!("not installed, from files only: {}", row.source),
     };
+    let variants: String = row
+        .variants
+        .iter()
+        .filter(|_| row.variants.len() > 1)
+        .map(|variant| {
+            let size = variant.download_bytes.map(megabytes);
+            let memory = variant
+                .memory_mb
+                .map(|mb| format!("about {mb} MB of memory"));
+            let facts: Vec<String> = [size, memory].into_iter().flatten().collect();
+            format!(
+                "{:<20}--variant {}: {} ({})\n",
+                "",
+                variant.name,
+                variant.summary,
+                facts.join(", ")
+            )
+        })
+        .collect();
     format!(
-        "{:<18} {} ({}): {state}\n",
+        "{:<18} {} ({}): {state}\n{variants}",
         row.name, row.purpose, row.licence
+    )
+}
+
+fn megabytes(bytes: u64) -> String {
+    format!("{:.1} MB", bytes as f64 / 1e6)
+}
+
+/// Returns the lines of a file to download.
+fn address(file: &ListedAddress) -> String {
+    let variant = if file.variant.is_empty() {
+        String::new()
+    } else {
+        format!(" --variant {}", file.variant)
+    };
+    let bytes = file
+        .bytes
+        .map_or(String::new(), |bytes| format!("  {bytes} bytes"));
+    let digest = file
+        .sha256
+        .as_ref()
+        .map_or(String::new(), |digest| format!("  SHA-256 {digest}"));
+    format!(
+        "{}{variant}{bytes}{digest}\n  {}\n",
+        file.network,
+        file.urls.join("\n  or ")
     )
 }
 

@@ -96,16 +96,18 @@ mod tests {
     use std::time::SystemTime;
 
     use super::*;
-    use ostra_masks::onnx::sam::ImagePart;
+    use ostra_masks::onnx::sam::{EmbeddingMap, ImagePart};
 
     fn embedding(value: f32) -> Embedding {
         Embedding {
             width: 4,
             height: 4,
             part: ImagePart::whole(4, 4),
-            channels: 1,
-            cells: 2,
-            values: vec![value; 4],
+            maps: vec![EmbeddingMap {
+                channels: 1,
+                cells: 2,
+                values: vec![value; 4],
+            }],
         }
     }
 
@@ -166,7 +168,7 @@ mod tests {
         let scratch = tempfile::tempdir().unwrap();
         let kept = Embeddings {
             folder: scratch.path().to_owned(),
-            budget_bytes: 100,
+            budget_bytes: 110,
         };
         let network = Path::new("none.onnx");
         kept.get(network, &image(1), || Ok(embedding(1.0))).unwrap();
@@ -187,7 +189,7 @@ mod tests {
         assert_eq!(
             kept.get(network, &image(1), unwanted).unwrap(),
             embedding(1.5),
-            "two of 48 bytes fit, and it is used now"
+            "two of 52 bytes fit, and it is used now"
         );
         let second = scratch.path().join(key(network, &image(2)));
         File::options()

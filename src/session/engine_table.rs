@@ -2,7 +2,7 @@
 
 use anyhow::{Result, bail};
 
-use crate::networks::{is_usable, sam_network, superglue_network};
+use crate::networks::{SAM_NETWORKS, failed_networks, is_usable, sam_network, superglue_network};
 use ostra_project::{EngineName, FeatureId, GrounderId, MatcherId, SegmenterId, TrackerId};
 
 /// Purpose of an engine.
@@ -39,6 +39,8 @@ pub(crate) struct EngineSpec<I> {
     /// Requirements: on the frames if it is installed, or for its installation otherwise.
     needs: &'static str,
     is_installed: fn() -> bool,
+    /// Networks of which it needs one or all.
+    networks: &'static [&'static str],
 }
 
 /// The engines of one kind.
@@ -56,8 +58,14 @@ pub(crate) trait EngineId: EngineName {
     fn installed(self) -> Result<Self> {
         match self.spec() {
             Some(spec) if !(spec.is_installed)() => {
+                let failed: String = failed_networks(spec.networks)
+                    .iter()
+                    .map(|(network, what)| {
+                        format!("; {network} is installed, but its answers are wrong ({what})")
+                    })
+                    .collect();
                 bail!(
-                    "'{}' is not installed: it needs {}",
+                    "'{}' is not installed: it needs {}{failed}",
                     self.name(),
                     spec.needs
                 )
@@ -86,10 +94,21 @@ pub(crate) trait EngineId: EngineName {
 }
 
 const fn spec<I>(id: I, needs: &'static str, is_installed: fn() -> bool) -> EngineSpec<I> {
+    network_spec(id, needs, &[], is_installed)
+}
+
+/// A row of an engine that needs networks.
+const fn network_spec<I>(
+    id: I,
+    needs: &'static str,
+    networks: &'static [&'static str],
+    is_installed: fn() -> bool,
+) -> EngineSpec<I> {
     EngineSpec {
         id,
         needs,
         is_installed,
+        networks,
     }
 }
 
@@ -97,14 +116,16 @@ fn always() -> bool {
     true
 }
 
-const SAM: &str = "the networks sam-vit-b, mobile-sam or efficient-sam and ONNX Runtime; add both with 'ostra models add'";
+const SAM: &str = "a Segment Anything network (mobile-sam, sam-vit-b, sam2.1-tiny …) and ONNX Runtime; get both with 'ostra models install'";
 
 impl EngineId for SegmenterId {
     const KIND: EngineKind = EngineKind::Segmenter;
     const TABLE: &'static [EngineSpec<Self>] = &[
         spec(Self::Auto, "nothing; uses the best installed one", always),
-        spec(Self::Sam, SAM, || sam_network().is_some()),
-        spec(Self::SamClose, SAM, || sam_network().is_some()),
+        network_spec(Self::Sam, SAM, &SAM_NETWORKS, || sam_network().is_some()),
+        network_spec(Self::SamClose, SAM, &SAM_NETWORKS, || {
+            sam_network().is_some()
+        }),
         spec(
             Self::Geometry,
             "depth and cameras of several frames; segments thin objects by the image alone",
@@ -115,32 +136,35 @@ impl EngineId for SegmenterId {
 }
 
 const GROUNDER: &str =
-    "the networks grounding-dino or yolox and ONNX Runtime; add both with 'ostra models add'";
+    "the networks grounding-dino or yolox and ONNX Runtime; get both with 'ostra models install'";
 const GROUNDING_DINO: &str =
-    "the network grounding-dino and ONNX Runtime; add both with 'ostra models add'";
-const YOLOX: &str = "the network yolox and ONNX Runtime; add both with 'ostra models add'";
+    "the network grounding-dino and ONNX Runtime; get both with 'ostra models install'";
+const YOLOX: &str = "the network yolox and ONNX Runtime; get both with 'ostra models install'";
 
 impl EngineId for GrounderId {
     const KIND: EngineKind = EngineKind::Grounder;
     const TABLE: &'static [EngineSpec<Self>] = &[
-        spec(Self::Auto, GROUNDER, || {
+        network_spec(Self::Auto, GROUNDER, &["grounding-dino", "yolox"], || {
             is_usable("grounding-dino") || is_usable("yolox")
         }),
-        spec(Self::GroundingDino, GROUNDING_DINO, || {
-            is_usable("grounding-dino")
-        }),
-        spec(Self::Yolox, YOLOX, || is_usable("yolox")),
+        network_spec(
+            Self::GroundingDino,
+            GROUNDING_DINO,
+            &["grounding-dino"],
+            || is_usable("grounding-dino"),
+        ),
+        network_spec(Self::Yolox, YOLOX, &["yolox"], || is_usable("yolox")),
     ];
 }
 
-const NETWORKS: &str = "its networks and ONNX Runtime; add both with 'ostra models add'";
+const NETWORKS: &str = "its networks and ONNX Runtime; get both with 'ostra models install'";
 
 impl EngineId for TrackerId {
     const KIND: EngineKind = EngineKind::Tracker;
     const TABLE: &'static [EngineSpec<Self>] = &[
         spec(Self::Auto, "what the chosen tracker needs", always),
-        spec(Self::XMem, NETWORKS, || is_usable("xmem")),
-        spec(Self::Deaot, NETWORKS, || is_usable("deaot")),
+        network_spec(Self::XMem, NETWORKS, &["xmem"], || is_usable("xmem")),
+        network_spec(Self::Deaot, NETWORKS, &["deaot"], || is_usable("deaot")),
         spec(Self::Geometry, "depth and cameras of the frames", always),
         spec(
             Self::Flow,
@@ -150,20 +174,22 @@ impl EngineId for TrackerId {
     ];
 }
 
-const FEATURES: &str = "its network and ONNX Runtime; add both with 'ostra models add'";
+const FEATURES: &str = "its network and ONNX Runtime; get both with 'ostra models install'";
 
 impl EngineId for FeatureId {
     const KIND: EngineKind = EngineKind::Features;
     const TABLE: &'static [EngineSpec<Self>] = &[
         spec(Self::Auto, "nothing; takes sift, the most accurate", always),
         spec(Self::Sift, "nothing", always),
-        spec(Self::XFeat, FEATURES, || is_usable("xfeat")),
-        spec(Self::SuperPoint, FEATURES, || is_usable("superpoint")),
+        network_spec(Self::XFeat, FEATURES, &["xfeat"], || is_usable("xfeat")),
+        network_spec(Self::SuperPoint, FEATURES, &["superpoint"], || {
+            is_usable("superpoint")
+        }),
     ];
 }
 
 const LIGHTERGLUE: &str =
-    "features of xfeat, its network and ONNX Runtime; add both with 'ostra models add'";
+    "features of xfeat, its network and ONNX Runtime; get both with 'ostra models install'";
 const SUPERGLUE: &str = "features of superpoint, the network superglue-outdoor or superglue-indoor and ONNX Runtime; \
                          add them with 'ostra models add'";
 
@@ -172,8 +198,15 @@ impl EngineId for MatcherId {
     const TABLE: &'static [EngineSpec<Self>] = &[
         spec(Self::Auto, "what the chosen matcher needs", always),
         spec(Self::Nearest, "nothing", always),
-        spec(Self::LighterGlue, LIGHTERGLUE, || is_usable("lighterglue")),
-        spec(Self::SuperGlue, SUPERGLUE, || superglue_network().is_some()),
+        network_spec(Self::LighterGlue, LIGHTERGLUE, &["lighterglue"], || {
+            is_usable("lighterglue")
+        }),
+        network_spec(
+            Self::SuperGlue,
+            SUPERGLUE,
+            &["superglue-outdoor", "superglue-indoor"],
+            || superglue_network().is_some(),
+        ),
     ];
 }
 

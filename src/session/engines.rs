@@ -276,7 +276,7 @@ pub(crate) fn matcher(matcher: MatcherId, features: FeatureId) -> Result<Box<dyn
 /// files.
 pub(crate) fn identity(engine: &str, settings: &str) -> String {
     let files = || {
-        let (catalogue, folder) = (Catalogue::bundled().ok()?, models_folder().ok()?);
+        let (catalogue, folder) = (Catalogue::load().ok()?, models_folder().ok()?);
         let networks: &[&str] = if engine == "superglue" {
             &["superglue-outdoor", "superglue-indoor"]
         } else {

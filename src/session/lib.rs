@@ -53,6 +53,7 @@ mod limits;
 mod live_preview;
 mod live_revote;
 mod models;
+mod network_test;
 mod networks;
 mod poll;
 mod prepared;
@@ -64,6 +65,7 @@ mod recipe;
 mod recipe_schema;
 mod requests;
 mod session;
+mod synthetic_images;
 #[cfg(test)]
 mod tests;
 mod track_run;
@@ -77,9 +79,14 @@ pub use grounding::{FoundThing, Grounding};
 pub use images::Images;
 pub use job_task::{JobTask, JobTitle};
 pub use jobs::JobKind;
-pub use models::{add_model, check_model, install_model, list_models};
+pub use models::{
+    add_model, check_model, failed_test_text, install_model, list_addresses, list_models,
+    remove_model, test_model,
+};
+pub use network_test::NetworkTest;
 pub use ostra_compute::nn::{
-    Added, CheckedFile, Fetched, Installed, ModelStatus, Provider, Verification,
+    Added, CheckedFile, Fetched, InstallOptions, Installed, ListedAddress, ModelStatus, Provider,
+    TestResult, VariantStatus, Verification,
 };
 pub use ostra_project::suggestion::{Reason, Suggestion};
 pub use ostra_project::{PromptRequest, RangeChange, RangeRequest};
@@ -92,9 +99,9 @@ pub use recent::Recent;
 pub use recent_projects::{RecentProject, RecentProjects};
 pub use recipe_schema::recipe_schema;
 pub use requests::{
-    AttachRequest, CleanRequest, CloudChange, CloudCorrection, FindByTextRequest, InstancesRequest,
-    ModelRequest, ModelTask, MoveBorderRequest, PaintRequest, TakeRequest, TraceRequest,
-    TrackSettings,
+    AttachRequest, CleanRequest, CloudChange, CloudCorrection, FindByTextRequest, InstallRequest,
+    InstancesRequest, ModelRequest, ModelTask, MoveBorderRequest, PaintRequest, TakeRequest,
+    TraceRequest, TrackSettings,
 };
 pub use session::{JobCompletion, Session};
 pub use unfinished::Unfinished;

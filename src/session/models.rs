@@ -4,11 +4,12 @@ use std::path::PathBuf;
 use anyhow::{Result, ensure};
 
 use crate::jobs::Job;
+use crate::network_test::{NetworkTest, test_network};
 use crate::requests::{ModelRequest, ModelTask};
 use crate::{Command, Event, JobCompletion, JobKind, Session};
 use ostra_compute::nn::{
-    Added, Catalogue, CheckedFile, Fetched, ModelStatus, Verification, add, check, install, list,
-    models_folder,
+    Added, Catalogue, CheckedFile, Fetched, InstallOptions, ListedAddress, ModelStatus, Runtime,
+    Verification, add, addresses, check, install, list, models_folder, record_test, remove,
 };
 use ostra_core::job::JobId;
 use ostra_core::job::{Progress, Stopped};
@@ -19,7 +20,16 @@ use ostra_core::job::{Progress, Stopped};
 ///
 /// Returns an error if the system has no data folder.
 pub fn list_models() -> Result<Vec<ModelStatus>> {
-    Ok(list(&Catalogue::bundled()?, &models_folder()?))
+    Ok(list(&Catalogue::load()?, &models_folder()?))
+}
+
+/// Returns the files to download for a network, or for all that can be downloaded.
+///
+/// # Errors
+///
+/// Returns an error if the name is unknown, or the network has no download address.
+pub fn list_addresses(name: Option<&str>) -> Result<Vec<ListedAddress>> {
+    Ok(addresses(&Catalogue::load()?, name)?)
 }
 
 /// Copies a network (or ONNX Runtime) from files to the data folder, after checking it.
@@ -28,7 +38,7 @@ pub fn list_models() -> Result<Vec<ModelStatus>> {
 ///
 /// Returns an error if the name is unknown, or a file is not the expected one or cannot be copied.
 pub fn add_model(name: &str, files: &[PathBuf]) -> Result<Vec<Added>> {
-    Ok(add(&Catalogue::bundled()?, &models_folder()?, name, files)?)
+    Ok(add(&Catalogue::load()?, &models_folder()?, name, files)?)
 }
 
 /// Loads an installed network and returns its inputs and outputs.
@@ -37,12 +47,21 @@ pub fn add_model(name: &str, files: &[PathBuf]) -> Result<Vec<Added>> {
 ///
 /// Returns an error if it is not installed, cannot be loaded or has another interface.
 pub fn check_model(name: &str) -> Result<Vec<CheckedFile>> {
-    Ok(check(&Catalogue::bundled()?, &models_folder()?, name)?)
+    Ok(check(&Catalogue::load()?, &models_folder()?, name)?)
+}
+
+/// Deletes the files of a network and returns them.
+///
+/// # Errors
+///
+/// Returns an error if the name is unknown, nothing is installed, or a file cannot be deleted.
+pub fn remove_model(name: &str) -> Result<Vec<PathBuf>> {
+    Ok(remove(&Catalogue::load()?, &models_folder()?, name)?)
 }
 
 /// Downloads a network (or ONNX Runtime) to the data folder and checks it.
 ///
-/// `told` receives the progress and returns whether to continue. An interrupted download is
+/// `reported` receives the progress and returns whether to continue. An interrupted download is
 /// resumed.
 ///
 /// # Errors
@@ -51,14 +70,47 @@ pub fn check_model(name: &str) -> Result<Vec<CheckedFile>> {
 /// is not the expected one.
 pub fn install_model(
     name: &str,
+    options: &InstallOptions,
     reported: &mut dyn FnMut(Fetched<'_>) -> bool,
 ) -> Result<Vec<Added>> {
     Ok(install(
-        &Catalogue::bundled()?,
+        &Catalogue::load()?,
         &models_folder()?,
         name,
+        options,
         reported,
     )?)
+}
+
+/// Asks an installed network questions with known answers, and remembers the result.
+///
+/// `auto` does not use a network whose answers are wrong.
+///
+/// # Errors
+///
+/// Returns an error if the network is unknown or not installed, or the test is stopped.
+pub fn test_model(name: &str, progress: &Progress) -> Result<NetworkTest> {
+    let (catalogue, folder) = (Catalogue::load()?, models_folder()?);
+    let entry = catalogue.entry(name)?;
+    if entry.is_library() {
+        check(&catalogue, &folder, name)?;
+        return Ok(NetworkTest::Passed("it loads".to_owned()));
+    }
+    if entry.installed(&folder).is_none() {
+        check(&catalogue, &folder, name)?;
+    }
+    if let Err(error) = Runtime::find() {
+        return Ok(NetworkTest::Untested(error.to_string()));
+    }
+    let is_installed = |other: &str| {
+        let other = catalogue.entry(other);
+        other.is_ok_and(|other| other.installed(&folder).is_some())
+    };
+    let outcome = test_network(&folder, name, &is_installed, progress)?;
+    if let Some(result) = outcome.result() {
+        record_test(&catalogue, &folder, name, &result)?;
+    }
+    Ok(outcome)
 }
 
 impl Session {
@@ -88,15 +140,27 @@ impl Session {
     }
 }
 
-/// Executes the request, and returns the files that could not be checked, with the reason.
+/// Executes the request, and returns what the user has to know: files that could not be checked,
+/// with the reason, and a failed test.
 fn done(request: &ModelRequest, progress: &Progress) -> Result<Vec<String>> {
     let name = &request.name;
     let added = match &request.task {
-        ModelTask::Install => install_model(name, &mut |now| reported(now, progress).is_ok())?,
+        ModelTask::Install(wanted) => {
+            let options = InstallOptions {
+                variant: wanted.variant.clone(),
+                from: None,
+                accept_licence: wanted.accept_licence,
+            };
+            install_model(name, &options, &mut |now| reported(now, progress).is_ok())?
+        }
         ModelTask::Add(files) => add_model(name, files)?,
         ModelTask::Check => {
             check_model(name)?;
             Vec::new()
+        }
+        ModelTask::Remove => {
+            remove_model(name)?;
+            return Ok(Vec::new());
         }
     };
     let unchecked = |added: Added| match added.proof {
@@ -105,7 +169,20 @@ fn done(request: &ModelRequest, progress: &Progress) -> Result<Vec<String>> {
         }
         Verification::Fits | Verification::Loads | Verification::Known => None,
     };
-    Ok(added.into_iter().filter_map(unchecked).collect())
+    let mut warnings: Vec<String> = added.into_iter().filter_map(unchecked).collect();
+    progress.stage(&format!("Test {name}"))?;
+    if let NetworkTest::Failed(what) = test_model(name, progress)? {
+        warnings.push(failed_test_text(name, &what));
+    }
+    Ok(warnings)
+}
+
+/// Returns what a failed test means.
+#[must_use]
+pub fn failed_test_text(name: &str, what: &str) -> String {
+    format!(
+        "`{name}` loads, but its answers are wrong ({what}); it is not used. Remove it with `ostra models remove {name}`"
+    )
 }
 
 /// Reports how many megabytes of a download have arrived.

@@ -1,9 +1,11 @@
 //! Networks that the first job that needs them loads, so that the window never waits for one.
 
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::SystemTime;
 
 use crate::embeddings::Embeddings;
-use ostra_compute::nn::{Catalogue, NnError, Runtime, models_folder};
+use ostra_compute::nn::{Catalogue, NnError, Runtime, TestResult, models_folder};
 use ostra_core::image::ImageSize;
 use ostra_core::job::Progress;
 use ostra_frames::{DepthMap, Image};
@@ -37,7 +39,6 @@ impl<T> Kept<T> {
     }
 }
 
-static SAM: Kept<Sam> = Kept::new();
 static YOLOX: Kept<Yolox> = Kept::new();
 static GROUNDING_DINO: Kept<GroundingDino> = Kept::new();
 static XMEM: Kept<XMem> = Kept::new();
@@ -45,7 +46,64 @@ static DEAOT: Kept<Deaot> = Kept::new();
 static XFEAT: Kept<XFeatCells> = Kept::new();
 
 /// Networks of the segmenter `sam`, the most accurate first.
-const SAM_NETWORKS: [&str; 3] = ["sam-vit-b", "mobile-sam", "efficient-sam"];
+pub(crate) const SAM_NETWORKS: [&str; 7] = [
+    "sam2.1-large",
+    "sam2.1-base-plus",
+    "sam2.1-small",
+    "sam2.1-tiny",
+    "sam-vit-b",
+    "mobile-sam",
+    "efficient-sam",
+];
+
+/// The network of `sam` that was used last.
+///
+/// Another is loaded when a better one or another variant was installed meanwhile.
+static SAM: Mutex<Option<KeptSamNetwork>> = Mutex::new(None);
+
+struct KeptSamNetwork {
+    name: &'static str,
+    /// Sizes and times of its files.
+    files: Vec<FileStamp>,
+    sam: Arc<Sam>,
+}
+
+/// Size and time of a file.
+type FileStamp = (u64, Option<SystemTime>);
+
+/// Returns a network of `sam`, and loads it if another one is kept.
+fn sam(name: &'static str) -> Result<Arc<Sam>, MaskError> {
+    let unusable = |error: NnError| MaskError::Network(error.to_string());
+    let files = stamps(name).map_err(unusable)?;
+    let mut kept = SAM.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(kept) = kept.as_ref()
+        && kept.name == name
+        && kept.files == files
+    {
+        return Ok(Arc::clone(&kept.sam));
+    }
+    let load = || Sam::load(&models_folder()?, name);
+    let sam = Arc::new(load().map_err(unusable)?);
+    *kept = Some(KeptSamNetwork {
+        name,
+        files,
+        sam: Arc::clone(&sam),
+    });
+    Ok(sam)
+}
+
+/// Returns size and time of the files of an installed network.
+fn stamps(name: &str) -> Result<Vec<FileStamp>, NnError> {
+    let (catalogue, folder) = (Catalogue::load()?, models_folder()?);
+    let installed = catalogue.entry(name)?.installed(&folder);
+    let paths = installed.map(|installed| installed.paths);
+    let stamp = |path: &PathBuf| {
+        let about = std::fs::metadata(path).ok();
+        let modified = about.as_ref().and_then(|about| about.modified().ok());
+        (about.map_or(0, |about| about.len()), modified)
+    };
+    Ok(paths.iter().flatten().map(stamp).collect())
+}
 
 /// Segment Anything with the first of its networks that is installed.
 pub(crate) struct KeptSam {
@@ -66,7 +124,7 @@ impl Segmenter for KeptSam {
         _depth: Option<&Arc<DepthMap>>,
         progress: &Progress,
     ) -> Result<Arc<dyn PreparedFrame>, MaskError> {
-        let sam = SAM.get(|| Sam::load(&models_folder()?, self.network))?;
+        let sam = sam(self.network)?;
         if self.is_close {
             return Ok(Arc::new(CloseUps::new(sam, Arc::clone(image))));
         }
@@ -153,12 +211,31 @@ impl Tracker for KeptTracker {
 }
 
 /// Returns whether a network and ONNX Runtime are installed.
+///
+/// A network that gave wrong answers in its test does not count.
 pub(crate) fn is_usable(network: &str) -> bool {
-    let installed = || {
-        let (catalogue, folder) = (Catalogue::bundled().ok()?, models_folder().ok()?);
-        catalogue.entry(network).ok()?.installed(&folder)
+    let is_installed = || {
+        let (catalogue, folder) = (Catalogue::load().ok()?, models_folder().ok()?);
+        let entry = catalogue.entry(network).ok()?;
+        entry.installed(&folder)?;
+        Some(!matches!(
+            entry.tested(&folder),
+            Some(TestResult::Failed(_))
+        ))
     };
-    installed().is_some() && Runtime::find().is_ok()
+    is_installed() == Some(true) && Runtime::find().is_ok()
+}
+
+/// Returns those of some networks that are installed but gave wrong answers, with what was wrong.
+pub(crate) fn failed_networks(networks: &[&'static str]) -> Vec<(&'static str, String)> {
+    let (Ok(catalogue), Ok(folder)) = (Catalogue::load(), models_folder()) else {
+        return Vec::new();
+    };
+    let failed = |&network: &&'static str| match catalogue.entry(network).ok()?.tested(&folder) {
+        Some(TestResult::Failed(what)) => Some((network, what)),
+        _ => None,
+    };
+    networks.iter().filter_map(failed).collect()
 }
 
 /// Returns the first network of `sam` that can be used.

@@ -272,12 +272,24 @@ pub struct ModelRequest {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ModelTask {
-    /// Downloads it.
-    Install,
+    /// Downloads it, and tests it.
+    Install(InstallRequest),
     /// Copies it from files, or from a folder that holds them under the catalogue's names.
     Add(Vec<PathBuf>),
-    /// Loads the installed network and compares it with what is expected.
+    /// Loads the installed network, compares it with what is expected, and tests it.
     Check,
+    /// Deletes its files.
+    Remove,
+}
+
+/// What to download of a network.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct InstallRequest {
+    /// Name of the variant; the recommended one if absent.
+    pub variant: Option<String>,
+    /// Whether the user accepts its licence.
+    pub accept_licence: bool,
 }
 
 impl ModelRequest {
@@ -285,9 +297,10 @@ impl ModelRequest {
     #[must_use]
     pub fn title(&self) -> String {
         let verb = match self.task {
-            ModelTask::Install => "Install",
+            ModelTask::Install(_) => "Install",
             ModelTask::Add(_) => "Add",
             ModelTask::Check => "Check",
+            ModelTask::Remove => "Remove",
         };
         format!("{verb} {}", self.name)
     }

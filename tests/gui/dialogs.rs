@@ -12,8 +12,8 @@ use ostra_frames::cameras::ModelEncoding;
 use ostra_masks::MaskFormat;
 use ostra_project::ExportRequest;
 use ostra_session::{
-    Command, ExportedItem, FoundCameras, FoundDepth, ModelRequest, ModelTask, NewProject,
-    RecentProject, Survey,
+    Command, ExportedItem, FoundCameras, FoundDepth, InstallRequest, ModelRequest, ModelTask,
+    NewProject, RecentProject, Survey,
 };
 
 use crate::desk::{Desk, press};
@@ -408,7 +408,7 @@ fn networks_are_installed_added_and_checked() {
     );
     assert!(
         harness
-            .get_by_label("Install sam-vit-b")
+            .get_by_label("Install superpoint")
             .accesskit_node()
             .is_disabled(),
         "it has no address"
@@ -437,7 +437,7 @@ fn networks_are_installed_added_and_checked() {
         })
     };
     let expected = [
-        requested("onnxruntime", ModelTask::Install),
+        requested("onnxruntime", ModelTask::Install(InstallRequest::default())),
         requested("sam-vit-b", ModelTask::Add(vec!["/downloads/sam".into()])),
         requested("xfeat", ModelTask::Check),
     ];

@@ -46,6 +46,8 @@ mod measures;
 #[cfg(test)]
 mod menus;
 #[cfg(test)]
+mod networks;
+#[cfg(test)]
 mod opening;
 #[cfg(test)]
 mod panels;

@@ -4,19 +4,20 @@
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::os::unix::fs::PermissionsExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::{Arc, Mutex};
 
 use rcgen::{BasicConstraints, CertificateParams, IsCa, Issuer, KeyPair};
 use rustls::pki_types::PrivateKeyDer;
 use rustls::{ServerConfig, ServerConnection, StreamOwned};
+use sha2::{Digest, Sha256};
 
 /// Hosts of the download addresses.
 const HOSTS: [&str; 2] = ["github.com", "files.pythonhosted.org"];
 
 /// Returns a site's response to the first line of a request.
-type Answer = fn(&str) -> String;
+type Answer = fn(&str) -> Vec<u8>;
 
 /// A proxy that responds for all sites, with certificates of its own authority.
 struct FakeSites {
@@ -78,6 +79,12 @@ impl FakeSites {
     }
 
     fn install_trusting(&self, authority: &str, folder: &Path, name: &str, path: &str) -> Output {
+        self.command(authority, folder, name, path)
+            .output()
+            .unwrap()
+    }
+
+    fn command(&self, authority: &str, folder: &Path, name: &str, path: &str) -> Command {
         let (cwd, certificates) = (folder.join("cwd"), folder.join("authority.pem"));
         std::fs::create_dir_all(&cwd).unwrap();
         std::fs::write(&certificates, authority).unwrap();
@@ -90,6 +97,9 @@ impl FakeSites {
             .env("XDG_DATA_HOME", folder.join("data"))
             .env("HOME", folder)
             .env_remove("ORT_DYLIB_PATH");
+        for own in ["OSTRA_NETWORKS", "OSTRA_MIRROR", "HF_ENDPOINT"] {
+            command.env_remove(own);
+        }
         for other in ["ALL_PROXY", "HTTP_PROXY", "NO_PROXY", "HTTPS_PROXY"] {
             command.env_remove(other).env_remove(other.to_lowercase());
         }
@@ -97,7 +107,7 @@ impl FakeSites {
             .env("HTTPS_PROXY", &self.proxy)
             .env("SSL_CERT_FILE", certificates)
             .env_remove("SSL_CERT_DIR");
-        command.output().unwrap()
+        command
     }
 }
 
@@ -111,14 +121,14 @@ fn serve(
     let request = read_request(&stream)?;
     log.lock().unwrap().push(request.clone());
     if !request.starts_with("CONNECT ") {
-        return (&stream).write_all(answer(&request).as_bytes());
+        return (&stream).write_all(&answer(&request));
     }
     (&stream).write_all(b"HTTP/1.1 200 OK\r\n\r\n")?;
     let connection = ServerConnection::new(Arc::clone(config)).unwrap();
     let mut tunnel = StreamOwned::new(connection, stream);
     let request = read_request(&mut tunnel)?;
     log.lock().unwrap().push(request.clone());
-    tunnel.write_all(answer(&request).as_bytes())?;
+    tunnel.write_all(&answer(&request))?;
     tunnel.conn.send_close_notify();
     tunnel.flush()
 }
@@ -135,14 +145,66 @@ fn read_request(stream: impl Read) -> std::io::Result<String> {
     Ok(first)
 }
 
-fn junk(_request: &str) -> String {
-    "HTTP/1.1 200 OK\r\nContent-Length: 5\r\nConnection: close\r\n\r\njunk\n".into()
+fn junk(_request: &str) -> Vec<u8> {
+    b"HTTP/1.1 200 OK\r\nContent-Length: 5\r\nConnection: close\r\n\r\njunk\n".to_vec()
 }
 
-fn redirect(to: &str) -> String {
-    format!(
+fn redirect(to: &str) -> Vec<u8> {
+    let head = format!(
         "HTTP/1.1 302 Found\r\nLocation: {to}\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
-    )
+    );
+    head.into_bytes()
+}
+
+/// Small networks with the interfaces of public files.
+fn public_folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/parity/public")
+}
+
+/// Responds with the network of the request's last path part.
+fn public_file(request: &str) -> Vec<u8> {
+    let path = request.split(' ').nth(1).unwrap_or_default();
+    let name = path.rsplit('/').next().unwrap_or_default();
+    let Ok(file) = std::fs::read(public_folder().join(name)) else {
+        return b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
+            .to_vec();
+    };
+    let length = file.len();
+    let mut head =
+        format!("HTTP/1.1 200 OK\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n")
+            .into_bytes();
+    head.extend(file);
+    head
+}
+
+/// Writes a catalogue that has `mobile-sam` from a public site, with the digests of the small networks.
+fn catalogue(folder: &Path) -> PathBuf {
+    let file = |name: &str, public: &str, interface: &str| {
+        let bytes = std::fs::read(public_folder().join(public)).unwrap();
+        let digest: String = Sha256::digest(&bytes)
+            .iter()
+            .map(|byte| format!("{byte:02x}"))
+            .collect();
+        format!(
+            "[[entry.variant.file]]\nname = '{name}'\nurl = 'https://github.com/sam/releases/{public}'\nbytes = {}\nsha256 = \
+             '{digest}'\n{interface}\n",
+            bytes.len()
+        )
+    };
+    let text = [
+        "[[entry]]\nname = 'mobile-sam'\npurpose = 'masks'\nlicence = 'Apache-2.0'\nsource = 'https://github.com/sam'\n\
+         [[entry.variant]]\nname = 'full'\nsummary = 'all'\ndialect = 'sam-hwc'\n",
+        &file(
+            "mobile-sam-encoder.onnx",
+            "encoder-hwc.onnx",
+            "inputs = [{ name = 'input_image', element = 'f32', shape = [-1, -1, 3] }]\noutputs = []",
+        ),
+        &file("mobile-sam-decoder.onnx", "decoder-multi.onnx", ""),
+    ]
+    .concat();
+    let path = folder.join("networks.toml");
+    std::fs::write(&path, text).unwrap();
+    path
 }
 
 /// Writes a program `name` that runs a shell script.
@@ -291,4 +353,77 @@ fn programs_and_modules_in_the_current_folder_are_not_run() {
         assert_eq!(output.status.code(), Some(1));
         assert!(!mark.exists(), "{path}");
     }
+}
+
+/// Installs `mobile-sam` of [`catalogue`] with ONNX Runtime and more environment variables.
+#[cfg(target_os = "linux")]
+fn install_mobile_sam(sites: &FakeSites, folder: &Path, variables: &[(&str, &str)]) -> Output {
+    let mut command = sites.command(&sites.authority, folder, "mobile-sam", "/bin");
+    command
+        .env("OSTRA_NETWORKS", catalogue(folder))
+        .envs(variables.iter().copied());
+    if let Some(library) = std::env::var_os("ORT_DYLIB_PATH") {
+        command.env("ORT_DYLIB_PATH", library);
+    }
+    command.output().unwrap()
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+#[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
+fn network_is_installed_through_a_proxy_and_tested() {
+    let (folder, sites) = (tempfile::tempdir().unwrap(), FakeSites::start(public_file));
+    let output = install_mobile_sam(&sites, folder.path(), &[]);
+    let text = String::from_utf8_lossy(&output.stdout).into_owned() + &stderr(&output);
+    assert!(output.status.success(), "{text}");
+    assert!(text.contains("test passed: IoU of a click"), "{text}");
+    assert!(
+        text.contains("mobile-sam-encoder.onnx (Apache-2.0)"),
+        "{text}"
+    );
+    let requests = sites.requests();
+    assert!(
+        requests.len() == 4 && requests[1].starts_with("GET /sam/releases/encoder-hwc.onnx "),
+        "{requests:?}"
+    );
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+#[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
+fn mirror_replaces_the_public_sites() {
+    let (folder, sites) = (tempfile::tempdir().unwrap(), FakeSites::start(public_file));
+    let mirror = [("OSTRA_MIRROR", "https://files.pythonhosted.org/nets/")];
+    let output = install_mobile_sam(&sites, folder.path(), &mirror);
+    assert!(output.status.success(), "{}", stderr(&output));
+    for request in sites.requests().chunks(2) {
+        assert!(request[0].starts_with("CONNECT files.pythonhosted.org:443 "));
+        assert!(request[1].starts_with("GET /nets/github.com/sam/releases/"));
+    }
+    let plain = [("OSTRA_MIRROR", "http://files.pythonhosted.org")];
+    let output = install_mobile_sam(&sites, folder.path(), &plain);
+    let error = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{error}");
+    assert!(error.contains("OSTRA_MIRROR must be an address"), "{error}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn machine_without_network_gets_one_clear_line() {
+    let (folder, sites) = (tempfile::tempdir().unwrap(), FakeSites::start(junk));
+    let nowhere = [("HTTPS_PROXY", "http://127.0.0.1:9")];
+    let output = install_mobile_sam(&sites, folder.path(), &nowhere);
+    let error = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{error}");
+    let lines: Vec<&str> = error
+        .lines()
+        .filter(|line| line.starts_with("ostra: "))
+        .collect();
+    assert!(
+        lines.len() == 1
+            && lines[0].contains("cannot be fetched")
+            && lines[0].contains("encoder-hwc.onnx"),
+        "{error}"
+    );
+    assert_nothing_is_installed(folder.path(), "mobile-sam");
 }

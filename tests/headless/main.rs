@@ -59,6 +59,8 @@ mod layouts;
 #[cfg(test)]
 mod mask_inputs;
 #[cfg(test)]
+mod networks;
+#[cfg(test)]
 mod ranges;
 #[cfg(test)]
 mod recording;

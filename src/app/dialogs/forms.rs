@@ -1,5 +1,6 @@
 //! State of the dialogs and the requests made from it.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::picker::typed_path;
@@ -177,6 +178,10 @@ fn shared(a: &Path, b: &Path) -> PathBuf {
 pub struct ModelsForm {
     pub(super) adding: Option<String>,
     pub(super) path: String,
+    /// Chosen variants of networks that have several, by network.
+    pub(super) variants: BTreeMap<String, String>,
+    /// Network whose licence is shown to be accepted.
+    pub(super) accepting: Option<String>,
 }
 
 /// State of the palette.

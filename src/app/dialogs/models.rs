@@ -7,8 +7,8 @@ use super::picker::{PathField, Pick, PickTarget, path_field_ui, typed_path};
 use crate::panels::progress_text;
 use crate::tooltips::{add_explained, modal};
 use crate::{SessionView, ViewState};
-use ostra_compute::nn::{ModelStatus, Provider};
-use ostra_session::{Command, JobView, ModelRequest, ModelTask};
+use ostra_compute::nn::{ModelStatus, Provider, TestResult, VariantStatus};
+use ostra_session::{Command, InstallRequest, JobView, ModelRequest, ModelTask};
 
 /// Draws the list of known networks with their purpose, state and installation.
 pub(crate) fn models_ui(
@@ -108,6 +108,9 @@ fn row_ui(
     if view.models.adding.as_ref() == Some(&row.name) {
         adding_ui(ui, view, row, out);
     }
+    if view.models.accepting.as_ref() == Some(&row.name) {
+        accepting_ui(ui, view, row, out);
+    }
 }
 
 /// Shows whether a network is installed, its size and, on hover, its paths.
@@ -122,8 +125,29 @@ fn state_ui(ui: &mut Ui, row: &ModelStatus) {
         .iter()
         .map(|path| path.display().to_string())
         .collect();
-    ui.label(format!("installed, {:.1} MB", installed.bytes as f64 / 1e6))
-        .on_hover_text(paths.join("\n"));
+    let variant = row
+        .installed_variant
+        .as_ref()
+        .map_or(String::new(), |variant| format!(" ({variant})"));
+    ui.label(format!(
+        "installed, {}{variant}",
+        megabytes(installed.bytes)
+    ))
+    .on_hover_text(paths.join("\n"));
+    match &row.tested {
+        Some(TestResult::Passed) => {
+            ui.weak("test passed");
+        }
+        Some(TestResult::Failed(what)) => {
+            ui.colored_label(ui.visuals().warn_fg_color, "wrong answers, not used")
+                .on_hover_text(what);
+        }
+        None => {}
+    }
+}
+
+fn megabytes(bytes: u64) -> String {
+    format!("{:.1} MB", bytes as f64 / 1e6)
 }
 
 fn buttons_ui(ui: &mut Ui, view: &mut ViewState, row: &ModelStatus, out: &mut Vec<Command>) {
@@ -146,19 +170,122 @@ fn buttons_ui(ui: &mut Ui, view: &mut ViewState, row: &ModelStatus, out: &mut Ve
         view.models.path.clear();
     }
     if row.installed.is_some() {
-        let check = ui.button("Check").on_hover_text("Check the model files");
+        let check = ui
+            .button("Check")
+            .on_hover_text("Check the model files and test the network");
         if check.accessible_name(format!("Check {name}")).clicked() {
             ask(ModelTask::Check);
         }
+        let remove = ui.button("Remove").on_hover_text("Delete the model files");
+        if remove.accessible_name(format!("Remove {name}")).clicked() {
+            ask(ModelTask::Remove);
+        }
     } else {
-        let tip = format!("Download (licence: {})", row.licence);
-        let reason = format!("Has no address to be fetched from; see {}", row.source);
-        let reason = (!row.has_address).then_some(reason.as_str());
-        let install = add_explained(ui, Button::new("Install"), &tip, reason);
-        if install.accessible_name(format!("Install {name}")).clicked() {
-            ask(ModelTask::Install);
+        install_ui(ui, view, row, out);
+    }
+}
+
+/// Offers the download of a network, with a choice if it has several variants.
+fn install_ui(ui: &mut Ui, view: &mut ViewState, row: &ModelStatus, out: &mut Vec<Command>) {
+    let name = &row.name;
+    let variant = chosen_variant(view, row);
+    let size = variant
+        .map_or(row.download_bytes, |variant| variant.download_bytes)
+        .map_or(String::new(), |bytes| format!(" {}", megabytes(bytes)));
+    let tip = format!("Download{size} (licence: {})", row.licence);
+    let reason = format!("Has no address to be fetched from; see {}", row.source);
+    let reason = (!row.has_address).then_some(reason.as_str());
+    let install = add_explained(ui, Button::new("Install"), &tip, reason);
+    if install.accessible_name(format!("Install {name}")).clicked() {
+        if row.licence_to_accept.is_some() {
+            view.models.accepting = Some(name.clone());
+        } else {
+            out.push(install_command(row, variant, false));
         }
     }
+    if row.variants.len() < 2 {
+        return;
+    }
+    let shown = variant.map_or("", |variant| variant.name.as_str());
+    let choice = ComboBox::from_id_salt(("variant", name))
+        .selected_text(shown)
+        .width(90.0)
+        .show_ui(ui, |ui| {
+            for variant in &row.variants {
+                let chosen = ui
+                    .selectable_label(variant.name == shown, &variant.name)
+                    .on_hover_text(variant_text(variant));
+                if chosen.clicked() {
+                    let variants = &mut view.models.variants;
+                    variants.insert(name.clone(), variant.name.clone());
+                }
+            }
+        });
+    let tip = variant.map_or(String::new(), variant_text);
+    choice
+        .response
+        .on_hover_text(tip)
+        .accessible_name(format!("Variant of {name}"));
+}
+
+/// Returns the variant to download: the chosen one, or the recommended one.
+fn chosen_variant<'a>(view: &ViewState, row: &'a ModelStatus) -> Option<&'a VariantStatus> {
+    let chosen = view.models.variants.get(&row.name);
+    let is_chosen = |variant: &&VariantStatus| Some(&variant.name) == chosen;
+    let variants = &row.variants;
+    variants.iter().find(is_chosen).or(variants.first())
+}
+
+fn install_command(
+    row: &ModelStatus,
+    variant: Option<&VariantStatus>,
+    accept_licence: bool,
+) -> Command {
+    Command::Model(ModelRequest {
+        name: row.name.clone(),
+        task: ModelTask::Install(InstallRequest {
+            variant: variant.map(|variant| variant.name.clone()),
+            accept_licence,
+        }),
+    })
+}
+
+fn variant_text(variant: &VariantStatus) -> String {
+    let size = variant.download_bytes.map(megabytes);
+    let memory = variant
+        .memory_mb
+        .map(|mb| format!("about {mb} MB of memory"));
+    let facts: Vec<String> = [Some(variant.summary.clone()), size, memory]
+        .into_iter()
+        .flatten()
+        .collect();
+    facts.join(", ")
+}
+
+/// Shows the licence that has to be accepted before a download.
+fn accepting_ui(ui: &mut Ui, view: &mut ViewState, row: &ModelStatus, out: &mut Vec<Command>) {
+    let Some(address) = &row.licence_to_accept else {
+        view.models.accepting = None;
+        return;
+    };
+    ui.horizontal(|ui| {
+        ui.label(format!("Read the licence {}:", row.licence));
+        ui.hyperlink(address);
+        let accept = ui
+            .button("Accept and install")
+            .on_hover_text("Accept the licence and download the network");
+        if accept.clicked() {
+            out.push(install_command(row, chosen_variant(view, row), true));
+            view.models.accepting = None;
+        }
+        if ui
+            .button("Cancel")
+            .on_hover_text("Do not install the network")
+            .clicked()
+        {
+            view.models.accepting = None;
+        }
+    });
 }
 
 fn running_ui(ui: &mut Ui, job: &JobView) {

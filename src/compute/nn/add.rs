@@ -1,21 +1,26 @@
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
-use super::catalogue::{Catalogue, CatalogueEntry, NetworkFile};
-use super::digests::{digests, record, sha256};
+use super::catalogue::{Catalogue, CatalogueEntry, NetworkVariant};
+use super::digests::{digests, record};
 use super::error::NnError;
-use super::installed::text;
-use super::network::Network;
+use super::fitting::{candidates, fit};
+use super::network_file::{FileKind, NetworkFile, read_text};
+use super::records::change_record;
 use super::runtime::{Runtime, whole};
 use ostra_core::disk::{self, AtomicFile};
 
-/// A file that was copied into the folder of networks.
+/// A file that was put into the folder of networks.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Added {
-    /// Path of the copy.
+    /// Path of the file there.
     pub path: PathBuf,
     /// How the file was verified.
     pub proof: Verification,
+    /// Its digest, lower-case hexadecimal.
+    pub sha256: String,
+    /// Whether the catalogue has this digest.
+    pub is_known: bool,
 }
 
 /// How an added file was verified.
@@ -29,6 +34,22 @@ pub enum Verification {
     Known,
     /// It could not be verified, for this reason.
     None(String),
+}
+
+/// Files to be added to a network.
+pub(super) struct GivenFiles<'a> {
+    pub paths: &'a [PathBuf],
+    /// Variant that the files are expected to be.
+    pub variant: Option<&'a str>,
+    pub placing: Placing,
+}
+
+/// Whether files are kept at their place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Placing {
+    Copy,
+    /// The files are on the same disk as the folder of networks, and no longer needed there.
+    Move,
 }
 
 /// Verifies the files of a network (or the library of ONNX Runtime) and copies them.
@@ -58,30 +79,69 @@ pub fn add(
         [folder] if folder.is_dir() => Some(in_folder(folder)),
         _ => None,
     };
-    let files = within.as_deref().unwrap_or(files);
-    if names.len() != files.len() {
-        let wanted = names.join(", ");
+    let given = GivenFiles {
+        paths: within.as_deref().unwrap_or(files),
+        variant: None,
+        placing: Placing::Copy,
+    };
+    add_files(entry, folder, &given)
+}
+
+/// As [`add`], with the files of one variant or copied files.
+pub(super) fn add_files(
+    entry: &CatalogueEntry,
+    folder: &Path,
+    given: &GivenFiles<'_>,
+) -> Result<Vec<Added>, NnError> {
+    let paths = given.paths;
+    let candidates = candidates(entry, given.variant, paths.len());
+    let count_fits = if entry.is_library() {
+        paths.len() == 1
+    } else {
+        !candidates.is_empty()
+    };
+    if !count_fits {
+        let (name, names) = (&entry.name, entry.file_names());
         return Err(NnError::Request(format!(
-            "`{name}` takes {} in this order: {wanted}",
-            count(names.len())
+            "`{name}` takes {} in this order: {}",
+            count(names.len()),
+            names.join(", ")
         )));
     }
-    let proofs = if entry.is_library() {
-        files
-            .iter()
-            .map(|path| prove_library(path))
-            .collect::<Result<Vec<_>, _>>()?
+    paths.iter().try_for_each(|path| readable(path))?;
+    let digests = digests(paths)?;
+    let (variant, proofs) = if entry.is_library() {
+        let proofs = paths.iter().map(|path| prove_library(path));
+        (None, proofs.collect::<Result<Vec<_>, _>>()?)
     } else {
-        prove_networks(entry, files)?
+        let (variant, proofs) = prove_networks(&candidates, paths, &digests)?;
+        (Some(variant), proofs)
     };
+    let names = variant.map_or_else(
+        || entry.file_names(),
+        |variant| {
+            let names = variant.files.iter().map(|file| file.name.clone());
+            names.collect()
+        },
+    );
     let targets: Vec<PathBuf> = names.iter().map(|name| folder.join(name)).collect();
-    let digests = digests(files)?;
-    place(folder, files, &targets)?;
-    record(folder, &targets, digests)?;
-    Ok(targets
-        .into_iter()
-        .zip(proofs)
-        .map(|(path, proof)| Added { path, proof })
+    place(folder, paths, &targets, given.placing)?;
+    record(folder, &targets, digests.clone())?;
+    change_record(folder, &entry.name, |record| {
+        record.variant = variant
+            .map(|variant| variant.name.clone())
+            .filter(|name| !name.is_empty());
+        record.test = None;
+    })?;
+    let files = variant.map_or(&[][..], |variant| variant.files.as_slice());
+    let added = targets.into_iter().zip(proofs).zip(digests).enumerate();
+    Ok(added
+        .map(|(at, ((path, proof), sha256))| Added {
+            is_known: files.get(at).is_some_and(|file| file.knows(&sha256)),
+            path,
+            proof,
+            sha256,
+        })
         .collect())
 }
 
@@ -94,7 +154,6 @@ fn count(files: usize) -> String {
 }
 
 fn prove_library(path: &Path) -> Result<Verification, NnError> {
-    readable(path)?;
     if let Some(other) = Runtime::loaded().filter(|runtime| runtime.path() != whole(path)) {
         return Ok(Verification::None(format!(
             "{} is in use until the program is started again",
@@ -104,50 +163,64 @@ fn prove_library(path: &Path) -> Result<Verification, NnError> {
     Runtime::open(path).map(|_| Verification::Loads)
 }
 
-fn prove_networks(entry: &CatalogueEntry, paths: &[PathBuf]) -> Result<Vec<Verification>, NnError> {
-    paths.iter().try_for_each(|path| readable(path))?;
-    let pairs = entry.files().iter().zip(paths);
-    let prove = |(file, path): (&NetworkFile, &PathBuf)| match Runtime::find() {
-        _ if file.is_text => text(path).map(|_| Verification::Loads),
-        Ok(runtime) => prove_by_loading(&runtime, file, path),
-        Err(error) => prove_by_digest(file, path, &error),
+/// Returns the variant that the files are, and how each was verified.
+fn prove_networks<'a>(
+    candidates: &[&'a NetworkVariant],
+    paths: &[PathBuf],
+    digests: &[String],
+) -> Result<(&'a NetworkVariant, Vec<Verification>), NnError> {
+    let (variant, missing) = match Runtime::find() {
+        Ok(runtime) => (fit(&runtime, candidates, paths)?.variant, None),
+        Err(error) => (by_digests(candidates, digests), Some(error)),
     };
-    pairs.map(prove).collect()
+    let prove = |((file, path), digest): ((&NetworkFile, &PathBuf), &String)| {
+        if file.kind == FileKind::Text {
+            return read_text(path).map(|_| Verification::Loads);
+        }
+        match &missing {
+            Some(error) => prove_by_digest(file, path, digest, error),
+            None if file.kind == FileKind::Data => Ok(Verification::Loads),
+            None if file.signature.is_some() => Ok(Verification::Fits),
+            None => Ok(Verification::Loads),
+        }
+    };
+    let files = variant.files.iter().zip(paths).zip(digests);
+    Ok((variant, files.map(prove).collect::<Result<_, _>>()?))
 }
 
-fn prove_by_loading(
-    runtime: &Runtime,
-    file: &NetworkFile,
-    path: &Path,
-) -> Result<Verification, NnError> {
-    let expected = file.signature();
-    Network::load(runtime, path, expected.as_ref())?;
-    Ok(if expected.is_some() {
-        Verification::Fits
-    } else {
-        Verification::Loads
-    })
+/// Returns the variant with these digests.
+///
+/// Otherwise, it is one whose digests are not known, or else the first one.
+fn by_digests<'a>(candidates: &[&'a NetworkVariant], digests: &[String]) -> &'a NetworkVariant {
+    let has_all = |variant: &&&NetworkVariant| {
+        let mut files = variant.files.iter().zip(digests);
+        files.all(|(file, digest)| file.knows(digest))
+    };
+    let is_unknown = |variant: &&&NetworkVariant| {
+        let mut files = variant.files.iter();
+        files.all(|file| file.sha256.is_none())
+    };
+    let mut all = candidates.iter();
+    let found = all.find(has_all).or(candidates.iter().find(is_unknown));
+    found.copied().unwrap_or(candidates[0])
 }
 
 fn prove_by_digest(
     file: &NetworkFile,
     path: &Path,
+    found: &str,
     why: &NnError,
 ) -> Result<Verification, NnError> {
     let Some(expected) = &file.sha256 else {
         return Ok(Verification::None(why.to_string()));
     };
-    let found = sha256(path).map_err(|reason| NnError::Io {
-        path: path.to_owned(),
-        reason,
-    })?;
-    if found == *expected || file.other_sha256.contains(&found) {
+    if file.knows(found) {
         return Ok(Verification::Known);
     }
     Err(NnError::Digest {
         path: path.to_owned(),
         expected: expected.clone(),
-        found,
+        found: found.to_owned(),
     })
 }
 
@@ -159,13 +232,24 @@ fn readable(path: &Path) -> Result<(), NnError> {
 }
 
 /// Copies all files before any of them replaces an existing one.
-fn place(folder: &Path, files: &[PathBuf], targets: &[PathBuf]) -> Result<(), NnError> {
+fn place(
+    folder: &Path,
+    files: &[PathBuf],
+    targets: &[PathBuf],
+    placing: Placing,
+) -> Result<(), NnError> {
     let failed = |path: &Path| {
         let path = path.to_owned();
         move |reason| NnError::Io { path, reason }
     };
     fs::create_dir_all(folder).map_err(failed(folder))?;
     disk::remove_leftovers(folder, false);
+    if placing == Placing::Move {
+        let pairs = files.iter().zip(targets);
+        return pairs
+            .into_iter()
+            .try_for_each(|(from, to)| fs::rename(from, to).map_err(failed(to)));
+    }
     let mut copies = Vec::new();
     for (from, to) in files.iter().zip(targets) {
         let mut source = File::open(from).map_err(failed(from))?;

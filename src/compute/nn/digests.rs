@@ -26,8 +26,23 @@ pub(super) fn record(
 ) -> Result<(), NnError> {
     let mut records = read(folder)?;
     records.extend(files.iter().map(|path| name(path)).zip(digests));
+    write(folder, &records)
+}
+
+/// Forgets the digests of deleted files.
+pub(super) fn forget(folder: &Path, names: &[String]) -> Result<(), NnError> {
+    let mut records = read(folder)?;
+    let count = records.len();
+    records.retain(|name, _| !names.contains(name));
+    if records.len() == count {
+        return Ok(());
+    }
+    write(folder, &records)
+}
+
+fn write(folder: &Path, records: &BTreeMap<String, String>) -> Result<(), NnError> {
     let path = folder.join(RECORDS);
-    let text = toml::to_string(&records)
+    let text = toml::to_string(records)
         .map_err(|error| NnError::Request(format!("{}: {error}", path.display())))?;
     disk::write(&path, text.as_bytes()).map_err(|reason| NnError::Io { path, reason })
 }

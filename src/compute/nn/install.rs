@@ -1,33 +1,30 @@
-use std::fs::{self, File};
-use std::io::{Error, ErrorKind, Read, Write};
+use std::fs;
 use std::path::{Path, PathBuf};
 
-use zip::ZipArchive;
-
-use super::add::{Added, add};
-use super::catalogue::{Catalogue, CatalogueEntry, NetworkFile};
-use super::digests::sha256;
-use super::download::fetch;
+use super::add::{Added, GivenFiles, Placing, add_files};
+use super::catalogue::{Catalogue, CatalogueEntry, NetworkVariant};
+use super::digests::forget;
 use super::error::NnError;
-use super::runtime::library_name;
+use super::network_file::NetworkFile;
+use super::obtain::{Fetched, Supply};
+use super::records::{EntryRecord, change_record, has_accepted, record_of};
+use super::runtime_package::RuntimePackage;
 
-/// Progress of a download.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Fetched<'a> {
-    /// Name of the file and its licence.
-    pub what: &'a str,
-    /// Number of bytes present.
-    pub bytes: u64,
-    /// Total number of bytes, if known.
-    pub of: Option<u64>,
+/// Options of [`install`].
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct InstallOptions {
+    /// Name of the variant; `None` takes the recommended one.
+    pub variant: Option<String>,
+    /// Folder of downloaded files to take instead of downloading.
+    pub from: Option<PathBuf>,
+    /// Whether the user accepts the licence. This is remembered.
+    pub accept_licence: bool,
 }
 
-/// Maximum size of a file whose length is not known, in bytes.
-const MAX_BYTES: u64 = 4 << 30;
-/// Maximum size of a file unpacked from an archive, in bytes.
-const MAX_UNPACKED_BYTES: u64 = 1 << 30;
 /// Subfolder of the folder of networks for unfinished downloads.
 const UNDER_WAY: &str = "downloads";
+/// Space that must remain free on the disk, in bytes.
+const SPARE_BYTES: u64 = 100_000_000;
 
 /// Downloads the files of a network (or the library of ONNX Runtime) and adds them.
 ///
@@ -36,324 +33,204 @@ const UNDER_WAY: &str = "downloads";
 ///
 /// # Errors
 /// Fails if the name is unknown, or if the network has no download address (the message states how
-/// to get it). Also fails if a download fails or has a wrong digest, and as [`add`].
+/// to get it). Fails if the licence has to be accepted first, or the disk has not enough space. Also
+/// fails if a download fails or has a wrong digest, and as [`super::add`].
 pub fn install(
     catalogue: &Catalogue,
     folder: &Path,
     name: &str,
+    options: &InstallOptions,
     progress: &mut dyn FnMut(Fetched<'_>) -> bool,
 ) -> Result<Vec<Added>, NnError> {
     let entry = catalogue.entry(name)?;
+    let (variant, files) = wanted(entry, options)?;
+    check_licence(folder, entry, options)?;
     let downloads = folder.join(UNDER_WAY).join(name);
-    let urls = entry
-        .files()
-        .iter()
-        .map(|file| file.url.as_deref().zip(Some(file)));
-    let urls = urls
-        .collect::<Option<Vec<_>>>()
-        .ok_or_else(|| entry.without_address())?;
+    check_space(folder, &downloads, entry, &files)?;
     fs::create_dir_all(&downloads).map_err(|reason| NnError::Io {
         path: downloads.clone(),
         reason,
     })?;
-    let files = if entry.is_library() {
-        vec![library(&downloads, progress)?]
-    } else {
-        urls.into_iter()
-            .map(|(url, file)| download(entry, file, url, &downloads, progress))
-            .collect::<Result<_, _>>()?
+    let record = record_of(folder, name)?;
+    let supply = Supply {
+        network: name,
+        licence: &entry.licence,
+        downloads: &downloads,
+        from: options.from.as_deref(),
+        record: &record,
     };
-    let added = add(catalogue, folder, name, &files);
+    let mut paths = Vec::new();
+    let mut first_digests = Vec::new();
+    for file in &files {
+        let (path, first) = supply.obtain(file, progress)?;
+        paths.push(path);
+        first_digests.extend(first);
+    }
+    let given = GivenFiles {
+        paths: &paths,
+        variant: variant.map(|variant| variant.name.as_str()),
+        placing: Placing::Move,
+    };
+    let added = add_files(entry, folder, &given);
     // This also removes rejected files, so that they are not reused. Leftovers do no harm.
     let _ = fs::remove_dir_all(&downloads);
-    added
+    let added = added?;
+    change_record(folder, name, |record| {
+        for first in first_digests {
+            record.first_downloads.insert(first.url, first.sha256);
+        }
+    })?;
+    Ok(added)
 }
 
-/// A file to download, with its digest.
-struct Wanted<'a> {
-    url: &'a str,
-    sha256: &'a str,
-    /// Size in bytes, if known.
-    bytes: Option<u64>,
-    /// Name shown during the download.
-    what: &'a str,
-}
-
-/// Downloads a file of a network.
+/// Deletes the files of a network, and what was left of its downloads. Returns the deleted files.
 ///
-/// Its digest must be known, because the content of an address may change.
-fn download(
-    entry: &CatalogueEntry,
-    file: &NetworkFile,
-    url: &str,
-    downloads: &Path,
-    progress: &mut dyn FnMut(Fetched<'_>) -> bool,
-) -> Result<PathBuf, NnError> {
-    let Some(sha256) = file.sha256.as_deref() else {
+/// An accepted licence is remembered.
+///
+/// # Errors
+/// Fails if the name is unknown, nothing is installed, or a file cannot be deleted.
+pub fn remove(catalogue: &Catalogue, folder: &Path, name: &str) -> Result<Vec<PathBuf>, NnError> {
+    let entry = catalogue.entry(name)?;
+    let mut names = entry.file_names();
+    let all = entry.variants().iter().flat_map(|variant| &variant.files);
+    names.extend(all.map(|file| file.name.clone()));
+    names.sort();
+    names.dedup();
+    let downloads = folder.join(UNDER_WAY).join(name);
+    let files: Vec<PathBuf> = names
+        .iter()
+        .map(|name| folder.join(name))
+        .filter(|path| path.is_file())
+        .collect();
+    if files.is_empty() && !downloads.exists() {
         return Err(NnError::Request(format!(
-            "{}: no digest of this file is known, so a download could not be verified; get it by hand and run `ostra models \
-             add {}`",
-            file.name, entry.name
+            "`{name}` is not installed ({})",
+            folder.display()
         )));
-    };
-    let what = format!("{} ({})", file.name, entry.licence);
-    let into = downloads.join(&file.name);
-    verified(
-        &Wanted {
-            url,
-            sha256,
-            bytes: file.bytes,
-            what: &what,
-        },
-        &into,
-        progress,
-    )?;
-    Ok(into)
-}
-
-/// Downloads a file and compares its digest; a file with another digest is deleted.
-///
-/// An existing file is only verified.
-fn verified(
-    wanted: &Wanted<'_>,
-    into: &Path,
-    progress: &mut dyn FnMut(Fetched<'_>) -> bool,
-) -> Result<(), NnError> {
-    let Wanted {
-        url, bytes, what, ..
-    } = *wanted;
-    if !into.is_file() {
-        let limit = bytes.unwrap_or(MAX_BYTES);
-        fetch(url, into, limit, &mut |here| {
-            progress(Fetched {
-                what,
-                bytes: here,
-                of: bytes,
-            })
+    }
+    for path in &files {
+        fs::remove_file(path).map_err(|reason| NnError::Io {
+            path: path.clone(),
+            reason,
         })?;
     }
-    verify(wanted, into)
+    if downloads.exists() {
+        fs::remove_dir_all(&downloads).map_err(|reason| NnError::Io {
+            path: downloads.clone(),
+            reason,
+        })?;
+    }
+    forget(folder, &names)?;
+    change_record(folder, name, |record| {
+        *record = EntryRecord {
+            accepted_licence: record.accepted_licence.take(),
+            ..EntryRecord::default()
+        };
+    })?;
+    Ok(files)
 }
 
-fn verify(wanted: &Wanted<'_>, path: &Path) -> Result<(), NnError> {
-    let failed = |reason| NnError::Io {
-        path: path.to_owned(),
-        reason,
+/// Returns the variant to install and its files.
+fn wanted<'a>(
+    entry: &'a CatalogueEntry,
+    options: &InstallOptions,
+) -> Result<(Option<&'a NetworkVariant>, Vec<NetworkFile>), NnError> {
+    let named: Vec<&str> = entry
+        .variants()
+        .iter()
+        .filter(|variant| variant.has_address() && !variant.name.is_empty())
+        .map(|variant| variant.name.as_str())
+        .collect();
+    let found = match options.variant.as_deref() {
+        Some(name) => {
+            let found = entry.variant(name).filter(|_| named.contains(&name));
+            if found.is_none() {
+                let choice = if named.is_empty() {
+                    "it has no variants to choose from".to_owned()
+                } else {
+                    format!("those that can be installed are {}", named.join(", "))
+                };
+                return Err(NnError::Request(format!(
+                    "`{}` has no variant `{name}`; {choice}",
+                    entry.name
+                )));
+            }
+            found
+        }
+        None => entry
+            .variants()
+            .iter()
+            .find(|variant| variant.has_address()),
     };
-    let found = sha256(path).map_err(failed)?;
-    if found == wanted.sha256 {
+    if entry.is_library() {
+        return Ok((None, vec![RuntimePackage::for_this_system()?.file()]));
+    }
+    let variant = found.ok_or_else(|| entry.without_address())?;
+    Ok((Some(variant), variant.files.clone()))
+}
+
+/// Checks that the licence is accepted, if it must be; remembers that it was accepted now.
+fn check_licence(
+    folder: &Path,
+    entry: &CatalogueEntry,
+    options: &InstallOptions,
+) -> Result<(), NnError> {
+    let Some(address) = &entry.accept_licence else {
+        return Ok(());
+    };
+    if has_accepted(folder, entry)? {
         return Ok(());
     }
-    fs::remove_file(path).map_err(failed)?;
-    let (url, expected) = (wanted.url.to_owned(), wanted.sha256.to_owned());
-    Err(NnError::WrongDownload {
-        url,
-        expected,
-        found,
+    let (name, licence) = (&entry.name, &entry.licence);
+    if !options.accept_licence {
+        return Err(NnError::Request(format!(
+            "`{name}` is under the licence {licence}, which you have to accept first; read {address} and run \
+             `ostra models install {name} --accept-licence`"
+        )));
+    }
+    change_record(folder, name, |record| {
+        record.accepted_licence = Some(licence.clone());
     })
 }
 
-/// Downloads ONNX Runtime's official package and unpacks its library.
-///
-/// The package is verified before it is unpacked.
-fn library(
+/// Checks that the disk has space for what is not downloaded yet.
+fn check_space(
+    folder: &Path,
     downloads: &Path,
-    progress: &mut dyn FnMut(Fetched<'_>) -> bool,
-) -> Result<PathBuf, NnError> {
-    let package = RuntimePackage::for_this_system()?;
-    let wanted = Wanted {
-        url: package.url,
-        sha256: package.sha256,
-        bytes: Some(package.bytes),
-        what: &format!("onnxruntime {VERSION}"),
-    };
-    let into = downloads.join(package.file_name());
-    verified(&wanted, &into, progress)?;
-    let library = downloads.join(library_name());
-    let failed = |reason| NnError::Io {
-        path: library.clone(),
-        reason,
-    };
-    let mut file = File::create(&library).map_err(failed)?;
-    unpack(&into, package.library, &mut file).map_err(failed)?;
-    Ok(library)
-}
-
-/// Writes the file called `member` of the ZIP archive to `into` and ignores other files.
-///
-/// # Errors
-/// Fails if the archive is damaged, has no such file, or the file is larger than 1 GiB.
-fn unpack(archive: &Path, member: &str, into: &mut impl Write) -> std::io::Result<()> {
-    let damaged = |what: &str| Error::new(ErrorKind::InvalidData, what.to_owned());
-    let mut archive = ZipArchive::new(File::open(archive)?)?;
-    let mut file = archive.by_name(member)?;
-    let size = file.size();
-    if size > MAX_UNPACKED_BYTES {
-        return Err(damaged("a file in it is too large"));
-    }
-    let written = std::io::copy(&mut file.by_ref().take(size + 1), into)?;
-    if written == size {
-        Ok(())
-    } else {
-        Err(damaged("a file in it has another length than it should"))
-    }
-}
-
-/// Version of ONNX Runtime that is installed.
-const VERSION: &str = "1.31.1";
-
-/// Package of ONNX Runtime for one system: a ZIP archive (a wheel) with the library.
-#[derive(Debug)]
-struct RuntimePackage {
-    os: &'static str,
-    arch: &'static str,
-    /// Address of the package; it contains the file's BLAKE2b digest.
-    url: &'static str,
-    bytes: u64,
-    sha256: &'static str,
-    /// Path of the library in the archive.
-    library: &'static str,
-}
-
-/// Packages of the Python Package Index.
-///
-/// The digests were computed from the files that it served in November 2026. Only the library is
-/// taken from them, which depends on no version of Python.
-const RUNTIME_PACKAGES: [RuntimePackage; 5] = [
-    RuntimePackage {
-        os: "macos",
-        arch: "aarch64",
-        url: "https://files.pythonhosted.org/packages/0e/f7/cecc0efeeea83bff2f7789ae1b80f27fa0f0210d6d9d66d1f0031a6b5e47/onnxruntime-1.31.1-cp312-cp312-macosx_14_0_arm64.whl",
-        bytes: 20882125,
-        sha256: "96dd2564b10ea7153ad9c207e7cd8e5917cb3ba521e0e0a62ac03486fdc8d56c",
-        library: "onnxruntime/capi/libonnxruntime.1.31.1.dylib",
-    },
-    RuntimePackage {
-        os: "linux",
-        arch: "aarch64",
-        url: "https://files.pythonhosted.org/packages/ba/e4/1ed1a7a5f4702d899091fa2b976d377995250c307326ec8dc9ae6378aa13/onnxruntime-1.31.1-cp312-cp312-manylinux_2_28_aarch64.whl",
-        bytes: 21420803,
-        sha256: "0b9a492176886992e0e875f06bc0367e333f5fff11711a2d642e18b02f3009cc",
-        library: "onnxruntime/capi/libonnxruntime.so.1.31.1",
-    },
-    RuntimePackage {
-        os: "linux",
-        arch: "x86_64",
-        url: "https://files.pythonhosted.org/packages/eb/27/c6a823bac55b2977bea2027c3ec9393a2c1002cb9a09eb40354563e02730/onnxruntime-1.31.1-cp312-cp312-manylinux_2_28_x86_64.whl",
-        bytes: 23760988,
-        sha256: "1f3dea47f2f0e5117c2404cea7d21fd253ae7836a3bf167a501cdfbb2600d536",
-        library: "onnxruntime/capi/libonnxruntime.so.1.31.1",
-    },
-    RuntimePackage {
-        os: "windows",
-        arch: "x86_64",
-        url: "https://files.pythonhosted.org/packages/45/b2/793b4051d8dc6acb379ead9b72050f0ffa283ca49a6904add2e218b83e2e/onnxruntime-1.31.1-cp312-cp312-win_amd64.whl",
-        bytes: 14888466,
-        sha256: "ae8a9a351efda685cc59a66226cdefaa37a126c1d66872ca23a2de9425326130",
-        library: "onnxruntime/capi/onnxruntime.dll",
-    },
-    RuntimePackage {
-        os: "windows",
-        arch: "aarch64",
-        url: "https://files.pythonhosted.org/packages/ed/72/09d635ab4b6137d8ac63d4911a37dad8b1ef15a77d20b65d7ed40fdca012/onnxruntime-1.31.1-cp312-cp312-win_arm64.whl",
-        bytes: 14740724,
-        sha256: "fe8b9ac1ae8e894e12c47ee82e4f6dfc1835768133687257866469fda80d0bf1",
-        library: "onnxruntime/capi/onnxruntime.dll",
-    },
-];
-
-impl RuntimePackage {
-    /// Returns the package for this system.
-    ///
-    /// # Errors
-    /// [`NnError::Request`] if there is none; the message states what to do instead.
-    fn for_this_system() -> Result<&'static Self, NnError> {
-        let (os, arch) = (std::env::consts::OS, std::env::consts::ARCH);
-        RUNTIME_PACKAGES.iter().find(|package| (package.os, package.arch) == (os, arch)).ok_or_else(|| {
-            NnError::Request(format!(
-                "no verified file of ONNX Runtime is known for {os} on {arch}; install ONNX Runtime 1.24 or newer by other \
-                 means and set ORT_DYLIB_PATH to its library, or run `ostra models add onnxruntime FILE`"
-            ))
-        })
-    }
-
-    /// Returns the file name of the package.
-    fn file_name(&self) -> &'static str {
-        Path::new(self.url)
-            .file_name()
-            .and_then(|name| name.to_str())
-            .unwrap_or("onnxruntime.whl")
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::io::Cursor;
-
-    use zip::CompressionMethod;
-    use zip::write::SimpleFileOptions;
-
-    use super::*;
-
-    #[test]
-    fn packages_have_https_addresses_and_complete_digests() {
-        for package in &RUNTIME_PACKAGES {
-            assert!(
-                package.url.starts_with("https://") && package.url.contains(VERSION),
-                "{}",
-                package.url
-            );
-            assert!(
-                package.sha256.len() == 64
-                    && package.sha256.bytes().all(|byte| byte.is_ascii_hexdigit())
-            );
-            let platform = match (package.os, package.arch) {
-                ("macos", "aarch64") => "macosx_14_0_arm64",
-                ("linux", "aarch64") => "manylinux_2_28_aarch64",
-                ("linux", "x86_64") => "manylinux_2_28_x86_64",
-                ("windows", "x86_64") => "win_amd64",
-                ("windows", "aarch64") => "win_arm64",
-                other => panic!("{other:?}"),
-            };
-            assert!(
-                package.file_name().ends_with(".whl") && package.file_name().contains(platform)
-            );
+    entry: &CatalogueEntry,
+    files: &[NetworkFile],
+) -> Result<(), NnError> {
+    let mut archives = Vec::new();
+    let mut needed = 0u64;
+    for file in files {
+        needed = needed.saturating_add(file.bytes.unwrap_or(0));
+        let first = file.addresses.first();
+        if let Some(address) = first.filter(|address| address.is_packed())
+            && !archives.contains(&&address.url)
+        {
+            archives.push(&address.url);
+            needed = needed.saturating_add(address.bytes.unwrap_or(0));
         }
     }
-
-    /// Creates an archive of one stored file whose directory lists `listed` bytes.
-    fn archive(name: &str, content: &[u8], listed: u32) -> Vec<u8> {
-        let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
-        let stored = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
-        zip.start_file(name, stored).unwrap();
-        zip.write_all(content).unwrap();
-        let mut bytes = zip.finish().unwrap().into_inner();
-        let entry = bytes.windows(4).position(|four| four == b"PK\x01\x02");
-        bytes[entry.unwrap() + 24..][..4].copy_from_slice(&listed.to_le_bytes());
-        bytes
-    }
-
-    #[test]
-    fn only_the_named_file_is_unpacked_and_damage_is_an_error() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.zip");
-        let taken = |zip: &[u8], member: &str| {
-            fs::write(&path, zip).unwrap();
-            let mut into = Vec::new();
-            unpack(&path, member, &mut into).map(|()| into)
-        };
-        let good = archive("x/lib.so", b"content", 7);
-        assert_eq!(taken(&good, "x/lib.so").unwrap(), b"content");
-        assert!(taken(&good, "lib.so").is_err(), "another name");
-        let longer = archive("x/lib.so", b"content", 6);
-        assert!(taken(&longer, "x/lib.so").is_err(), "longer than listed");
-        let large = archive("x/lib.so", b"content", u32::MAX);
-        assert!(taken(&large, "x/lib.so").is_err(), "too large");
-        for length in 0..good.len() - 2 {
-            assert!(
-                taken(&good[..length], "x/lib.so").is_err(),
-                "cut to {length} bytes"
-            );
-        }
+    let there: u64 = fs::read_dir(downloads).map_or(0, |files| {
+        files
+            .flatten()
+            .filter_map(|file| file.metadata().ok())
+            .map(|about| about.len())
+            .sum()
+    });
+    let needed = needed.saturating_sub(there);
+    // The folder may not exist yet; the closest existing one is on the same disk.
+    let existing = folder.ancestors().find(|path| path.is_dir());
+    let free = existing.and_then(|path| fs4::available_space(path).ok());
+    match free {
+        Some(free) if free < needed.saturating_add(SPARE_BYTES) => Err(NnError::Request(format!(
+            "{}: `{}` needs {} MB, and this disk has {} MB free; free some space there",
+            folder.display(),
+            entry.name,
+            needed.div_ceil(1_000_000),
+            free / 1_000_000
+        ))),
+        _ => Ok(()),
     }
 }

@@ -60,22 +60,36 @@ impl Network {
             inputs: ports(session.inputs()),
             outputs: ports(session.outputs()),
         };
-        if let Some(expected) = expected {
-            expected.fits(&there).map_err(|what| NnError::Mismatch {
-                path: path.to_owned(),
-                what,
-            })?;
-        }
-        let outputs = expected.map_or(there.outputs, |expected| expected.outputs.clone());
-        let signature = Signature {
-            inputs: there.inputs,
-            outputs,
-        };
-        Ok(Self {
+        let mut network = Self {
             path: path.to_owned(),
-            signature,
+            signature: there,
             session: Mutex::new(session),
-        })
+        };
+        if let Some(expected) = expected {
+            network.expect(expected)?;
+            network.read_only(&expected.outputs);
+        }
+        Ok(network)
+    }
+
+    /// Compares the interface with `expected`.
+    ///
+    /// # Errors
+    /// [`NnError::Mismatch`] if it differs.
+    pub(super) fn expect(&self, expected: &Signature) -> Result<(), NnError> {
+        expected
+            .fits(&self.signature)
+            .map_err(|what| NnError::Mismatch {
+                path: self.path.clone(),
+                what,
+            })
+    }
+
+    /// Restricts the outputs that are read, in this order; without any, all are read.
+    pub(super) fn read_only(&mut self, outputs: &[Port]) {
+        if !outputs.is_empty() {
+            self.signature.outputs = outputs.to_vec();
+        }
     }
 
     /// Returns the path of the file.

@@ -1,6 +1,11 @@
-use super::super::{Catalogue, Element};
+use super::super::{Catalogue, CatalogueEntry, Dialect, Element, FileKind, NetworkFile};
 use super::networks;
 use crate::nn::digests::sha256;
+
+/// Returns the files of all variants.
+fn files_of(entry: &CatalogueEntry) -> impl Iterator<Item = &NetworkFile> {
+    entry.variants().iter().flat_map(|variant| &variant.files)
+}
 
 #[test]
 fn every_network_has_files_and_known_elements() {
@@ -10,8 +15,9 @@ fn every_network_has_files_and_known_elements() {
         .iter()
         .map(|entry| entry.name.as_str())
         .collect();
-    let expected = "onnxruntime sam-vit-b mobile-sam efficient-sam grounding-dino xmem deaot superpoint \
-                    superglue-indoor superglue-outdoor xfeat lighterglue yolox";
+    let expected = "onnxruntime sam-vit-b mobile-sam sam2.1-tiny sam2.1-small sam2.1-base-plus sam2.1-large \
+                    efficient-sam grounding-dino xmem deaot superpoint superglue-indoor superglue-outdoor xfeat \
+                    lighterglue yolox";
     assert_eq!(names.join(" "), expected);
     for entry in catalogue.entries() {
         assert_eq!(
@@ -25,11 +31,7 @@ fn every_network_has_files_and_known_elements() {
                 && !entry.licence.is_empty()
                 && entry.source.starts_with("https://")
         );
-        for signature in entry
-            .files()
-            .iter()
-            .filter_map(super::super::NetworkFile::signature)
-        {
+        for signature in files_of(entry).filter_map(|file| file.signature.as_ref()) {
             let mut ports = signature.inputs.iter().chain(&signature.outputs);
             assert!(
                 ports.all(|port| !matches!(port.element, Element::Other(_))),
@@ -46,7 +48,7 @@ fn file_names_are_unique() {
     let mut names: Vec<String> = catalogue
         .entries()
         .iter()
-        .flat_map(super::super::CatalogueEntry::file_names)
+        .flat_map(CatalogueEntry::file_names)
         .collect();
     let count = names.len();
     names.sort();
@@ -76,43 +78,130 @@ fn error_for_an_unknown_name_lists_the_known_ones() {
 fn known_digests_match_the_files() {
     let folder = networks();
     let catalogue = Catalogue::bundled().unwrap();
-    let files = catalogue
-        .entries()
-        .iter()
-        .flat_map(super::super::CatalogueEntry::files);
-    let known: Vec<_> = files.filter(|file| file.sha256.is_some()).collect();
-    assert_eq!(known.len(), 5);
-    for file in known.iter().filter(|file| folder.join(&file.name).exists()) {
+    let files = catalogue.entries().iter().flat_map(files_of);
+    let here: Vec<_> = files
+        .filter(|file| file.sha256.is_some() && folder.join(&file.name).exists())
+        .collect();
+    assert!(here.len() >= 3, "{here:?}");
+    for file in here {
         let found = sha256(&folder.join(&file.name)).unwrap();
-        assert!(
-            file.sha256.as_ref() == Some(&found) || file.other_sha256.contains(&found),
-            "{}",
-            file.name
-        );
+        assert!(file.knows(&found), "{}", file.name);
     }
 }
 
 #[test]
-fn files_with_an_address_have_a_digest_and_size() {
+fn addresses_have_https_and_complete_digests() {
     let catalogue = Catalogue::bundled().unwrap();
-    for file in catalogue
-        .entries()
-        .iter()
-        .flat_map(super::super::CatalogueEntry::files)
-        .filter(|file| file.url.is_some())
-    {
-        let digest = file.sha256.as_deref().unwrap_or_default();
+    let files = catalogue.entries().iter().flat_map(files_of);
+    let with_address = files.filter(|file| !file.addresses.is_empty());
+    let mut count = 0;
+    for file in with_address {
+        count += 1;
+        let is_digest =
+            |digest: &str| digest.len() == 64 && digest.bytes().all(|b| b.is_ascii_hexdigit());
         assert!(
-            file.url
-                .as_deref()
-                .is_some_and(|url| url.starts_with("https://")),
-            "{}",
-            file.name
-        );
-        assert!(
-            digest.len() == 64 && file.bytes.is_some(),
+            file.sha256.as_deref().is_some_and(is_digest),
             "{} could not be verified",
             file.name
         );
+        for address in &file.addresses {
+            assert!(address.url.starts_with("https://"), "{}", address.url);
+            if address.is_packed() {
+                assert!(address.sha256.as_deref().is_some_and(is_digest));
+                assert!(address.bytes.is_some(), "{}", address.url);
+            }
+        }
+    }
+    assert!(count > 15);
+}
+
+#[test]
+fn variants_of_a_network_have_the_same_files() {
+    let catalogue = Catalogue::bundled().unwrap();
+    for entry in catalogue.entries() {
+        let shape = |files: &[NetworkFile]| -> Vec<(String, FileKind)> {
+            let kept = files.iter().filter(|file| file.kind != FileKind::Data);
+            kept.map(|file| (file.name.clone(), file.kind)).collect()
+        };
+        let mut names = Vec::new();
+        for variant in entry.variants() {
+            assert_eq!(
+                shape(&variant.files),
+                shape(entry.files()),
+                "{}",
+                entry.name
+            );
+            assert!(!names.contains(&&variant.name), "{}", entry.name);
+            names.push(&variant.name);
+        }
+    }
+}
+
+#[test]
+fn segment_anything_can_be_installed_in_every_size() {
+    let catalogue = Catalogue::bundled().unwrap();
+    let expected = [
+        ("sam-vit-b", Dialect::SamHwc),
+        ("mobile-sam", Dialect::SamHwc),
+        ("sam2.1-tiny", Dialect::Sam2),
+        ("sam2.1-small", Dialect::Sam2),
+        ("sam2.1-base-plus", Dialect::Sam2),
+        ("sam2.1-large", Dialect::Sam2),
+        ("efficient-sam", Dialect::EfficientSam),
+    ];
+    for (name, dialect) in expected {
+        let entry = catalogue.entry(name).unwrap();
+        assert_eq!(entry.variants()[0].dialect, Some(dialect), "{name}");
+        assert!(entry.variants()[0].has_address(), "{name}");
+    }
+    let int8 = &catalogue.entry("sam-vit-b").unwrap().variants()[1];
+    assert_eq!(
+        (int8.name.as_str(), int8.dialect),
+        ("int8", Some(Dialect::SamX))
+    );
+    assert_eq!(int8.download_bytes(), Some(99_827_688 + 8_743_656));
+    let full = &catalogue.entry("sam-vit-b").unwrap().variants()[0];
+    assert_eq!(
+        full.download_bytes(),
+        Some(348_403_199),
+        "both files are in one archive"
+    );
+}
+
+#[test]
+fn mistakes_in_a_catalogue_are_reported() {
+    let entry = "[[entry]]\nname = 'a'\npurpose = ''\nlicence = ''\nsource = ''\n";
+    let cases = [
+        ("[[entry.file]]\nname = '../a'\n", "not a file name"),
+        (
+            "[[entry.file]]\nname = 'a'\ninterface = 'b'\n",
+            "no interface `b`",
+        ),
+        (
+            "[[entry.file]]\nname = 'a'\ntext = true\ndata = true\n",
+            "both text and data",
+        ),
+        (
+            "[[entry.file]]\nname = 'a'\nfrom = [{ url = 'u', member = 'm', gzip = true }]\n",
+            "either a ZIP archive or gzip",
+        ),
+        (
+            "[[entry.file]]\nname = 'a'\nfrom = [{ url = 'u', sha256 = '0' }]\n",
+            "belong to the file",
+        ),
+        ("", "needs files"),
+        (
+            "[[entry.file]]\nname = 'a'\nurls = []\n",
+            "line 7: unknown field",
+        ),
+        (
+            "[[entry.variant]]\nname = 'v'\nsummary = ''\ndialect = 'sam3'\n",
+            "unknown variant `sam3`",
+        ),
+    ];
+    for (rest, reported) in cases {
+        let error = Catalogue::parse(&format!("{entry}{rest}")).unwrap_err();
+        let error = error.to_string();
+        assert!(error.contains(reported) && !error.contains('\n'), "{error}");
     }
 }

@@ -3,7 +3,7 @@ use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 
-use super::super::{Catalogue, NnError, check, install};
+use super::super::{Catalogue, InstallOptions, NnError, check, install};
 use super::ready;
 use crate::nn::digests::sha256;
 use crate::nn::download::fetch;
@@ -145,13 +145,18 @@ fn file_that_is_longer_than_expected_is_deleted() {
     assert!(!scratch.path().join("file").exists());
 }
 
+fn installed(catalogue: &Catalogue, target: &Path) -> Result<Vec<super::super::Added>, NnError> {
+    let options = InstallOptions::default();
+    install(catalogue, target, "xfeat", &options, &mut |_| true)
+}
+
 fn catalogue(url: &str, sha256: Option<&str>) -> Catalogue {
     let digest = sha256.map_or(String::new(), |digest| format!("sha256 = \"{digest}\"\n"));
     let text = format!(
         "[[entry]]\nname = \"xfeat\"\npurpose = \"p\"\nlicence = \"MIT\"\nsource = \"https://s\"\n[[entry.file]]\n\
          name = \"n.onnx\"\nurl = \"{url}\"\n{digest}"
     );
-    toml::from_str(&text).unwrap()
+    Catalogue::parse(&text).unwrap()
 }
 
 #[test]
@@ -161,23 +166,14 @@ fn network_is_downloaded_verified_and_recorded() {
     let network = fs::read(folder.join("yolox_nano.onnx")).unwrap();
     let scratch = tempfile::tempdir().unwrap();
     let (url, target) = (serve(network.clone(), &[]), scratch.path().join("models"));
-    let wrong = install(&catalogue(&url, Some("00")), &target, "xfeat", &mut |_| {
-        true
-    })
-    .unwrap_err();
+    let wrong = installed(&catalogue(&url, Some("00")), &target).unwrap_err();
     assert!(
         matches!(&wrong, NnError::WrongDownload { .. }) && !target.join("n.onnx").exists(),
         "{wrong}"
     );
-    let unknown = install(&catalogue(&url, None), &target, "xfeat", &mut |_| true)
-        .unwrap_err()
-        .to_string();
-    assert!(
-        unknown.contains("no digest") && unknown.contains("ostra models add xfeat"),
-        "{unknown}"
-    );
     let (good, mut most) = (catalogue(&url, Some(&digest(&network))), 0);
-    let added = install(&good, &target, "xfeat", &mut |now| {
+    let options = InstallOptions::default();
+    let added = install(&good, &target, "xfeat", &options, &mut |now| {
         assert!(
             now.what.contains("MIT"),
             "the licence is shown: {}",
@@ -207,14 +203,7 @@ fn rejected_download_is_not_reused() {
     let scratch = tempfile::tempdir().unwrap();
     let target = scratch.path().join("models");
     let sha256 = digest(&network);
-    let from = |file: Vec<u8>| {
-        install(
-            &catalogue(&serve(file, &[]), Some(&sha256)),
-            &target,
-            "xfeat",
-            &mut |_| true,
-        )
-    };
+    let from = |file: Vec<u8>| installed(&catalogue(&serve(file, &[]), Some(&sha256)), &target);
     let refused = from(b"<html>There is no such file</html>".to_vec()).unwrap_err();
     assert!(
         !matches!(refused, NnError::Fetch { .. }) && !target.join("n.onnx").exists(),
@@ -233,6 +222,7 @@ fn error_for_a_network_without_address_tells_how_to_get_it() {
         &Catalogue::bundled().unwrap(),
         scratch.path(),
         "superpoint",
+        &InstallOptions::default(),
         &mut |_| true,
     )
     .unwrap_err();

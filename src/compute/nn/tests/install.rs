@@ -113,7 +113,7 @@ fn network_without_a_known_interface_is_verified_by_loading() {
     let (_, folder) = ready();
     let text = "[[entry]]\nname = 'a'\npurpose = ''\nlicence = ''\nsource = ''\n[[entry.file]]\nname = 'a.onnx'\n";
     let (catalogue, scratch) = (
-        toml::from_str::<Catalogue>(text).unwrap(),
+        Catalogue::parse(text).unwrap(),
         tempfile::tempdir().unwrap(),
     );
     let added = add(
@@ -166,8 +166,10 @@ name = "n.onnx"
 name = "words.txt"
 text = true
 "#;
-    let (catalogue, scratch): (Catalogue, _) =
-        (toml::from_str(text).unwrap(), tempfile::tempdir().unwrap());
+    let (catalogue, scratch): (Catalogue, _) = (
+        Catalogue::parse(text).unwrap(),
+        tempfile::tempdir().unwrap(),
+    );
     let (network, words) = (
         folder.join("yolox_nano.onnx"),
         scratch.path().join("vocab.txt"),

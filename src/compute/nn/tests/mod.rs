@@ -4,7 +4,9 @@ mod catalogue;
 mod fetch;
 mod install;
 mod network;
+mod obtain;
 mod runtime;
+mod server;
 mod signature;
 
 use std::path::{Path, PathBuf};

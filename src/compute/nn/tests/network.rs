@@ -3,7 +3,8 @@ use super::ready;
 
 fn expected(name: &str) -> Signature {
     Catalogue::bundled().unwrap().entry(name).unwrap().files()[0]
-        .signature()
+        .signature
+        .clone()
         .unwrap()
 }
 

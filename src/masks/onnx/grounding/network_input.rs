@@ -25,13 +25,20 @@ pub(super) struct NetworkInput {
 }
 
 impl NetworkInput {
+    /// Stretches an image to a square of [`SHORT`] pixels, for the export of Hugging Face.
+    pub(super) fn square(image: &Image) -> Result<Self, MaskError> {
+        check_pixels(image)?;
+        let side = SHORT as usize;
+        Ok(Self {
+            columns: side,
+            rows: side,
+            pixels: resized(&image.pixels, image.size(), ImageSize::new(side, side)),
+        })
+    }
+
     /// Resizes an image to the size that the network was trained with.
     pub(super) fn new(image: &Image) -> Result<Self, MaskError> {
-        if image.pixels.is_empty() {
-            return Err(MaskError::Request(
-                "there is nothing to find in an empty image; open another".into(),
-            ));
-        }
+        check_pixels(image)?;
         let (columns, rows) = size(image.width, image.height);
         let cells: usize = STRIDES
             .iter()
@@ -68,6 +75,15 @@ impl NetworkInput {
             });
         planes
     }
+}
+
+fn check_pixels(image: &Image) -> Result<(), MaskError> {
+    if image.pixels.is_empty() {
+        return Err(MaskError::Request(
+            "there is nothing to find in an empty image; open another".into(),
+        ));
+    }
+    Ok(())
 }
 
 /// Returns columns and rows as the official code computes them.

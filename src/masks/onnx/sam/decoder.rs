@@ -1,17 +1,17 @@
 use super::part::Canvas;
 use crate::MaskError;
-use ostra_compute::nn::{Network, NnError, Tensor};
+use ostra_compute::nn::{Dialect, Network, NnError, Tensor};
 
 /// The network that answers prompts from an embedding.
 #[derive(Debug)]
 pub(super) struct Decoder {
     network: Network,
     dialect: Dialect,
-    channels: usize,
-    cells: usize,
+    /// Shapes of the maps of an embedding, in the order of [`map_names`].
+    maps: Vec<EmbeddingShape>,
 }
 
-/// Shape of an embedding.
+/// Shape of one map of an embedding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct EmbeddingShape {
     pub channels: usize,
@@ -19,21 +19,18 @@ pub(super) struct EmbeddingShape {
     pub cells: usize,
 }
 
-/// Interface of a decoder.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Dialect {
-    /// Segment Anything.
-    ///
-    /// Knows exclude clicks, can refine an earlier answer, and gives one mask for clear prompts and
-    /// three for ambiguous ones.
-    Sam,
-    /// `EfficientSAM` (Xiong et al., CVPR 2024).
-    ///
-    /// Takes include clicks and boxes, at most [`MOST_POINTS`] points, and gives three masks. Its
-    /// official files are used unchanged: an image (or a part of one) fills its square, and it does
-    /// not choose among its masks. Exclude clicks are handled outside of the network
-    /// (`SamFrame::ask_include_only`).
-    Efficient,
+/// Returns the names of the maps of an embedding, the one of the masks' resolution first.
+///
+/// They are outputs of the encoder and inputs of the decoder.
+pub(super) fn map_names(dialect: Dialect) -> &'static [&'static str] {
+    match dialect {
+        Dialect::Sam2 => &[
+            "image_embeddings",
+            "high_res_features1",
+            "high_res_features2",
+        ],
+        _ => &["image_embeddings"],
+    }
 }
 
 /// Maximum number of points for `EfficientSAM`, including corners of a box.
@@ -43,6 +40,11 @@ const MOST_POINTS: usize = 6;
 const CELL: usize = 16;
 /// Logits along each side of a cell.
 const FINE: usize = 4;
+
+/// Minimum stability of a mask for clear prompts of Segment Anything 2, and the offset of the logits
+/// for it; values of the official configuration.
+const LEAST_STABILITY: f64 = 0.98;
+const STABILITY_OFFSET: f32 = 0.05;
 
 /// A prompt as the decoder expects it.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -109,46 +111,19 @@ impl PointKind {
 }
 
 impl Decoder {
-    /// Creates a decoder; the interface is recognised by the names of the inputs.
+    /// Creates a decoder.
     ///
     /// # Errors
-    /// [`NnError::Mismatch`] if the network does not take a square embedding.
-    pub fn new(network: Network) -> Result<Self, NnError> {
-        let named = |name: &str| {
-            network
-                .signature()
-                .inputs
-                .iter()
-                .find(|port| port.name == name)
-        };
-        let dialect = if named("batched_point_coords").is_some() {
-            Dialect::Efficient
-        } else {
-            Dialect::Sam
-        };
-        let sizes = named("image_embeddings").map(|port| port.shape.as_slice());
-        let Some([_, Some(channels), Some(rows), Some(columns)]) = sizes else {
-            let what =
-                "expected the input `image_embeddings` f32 [1, channels, cells, cells]".to_owned();
-            return Err(NnError::Mismatch {
-                path: network.path().to_owned(),
-                what,
-            });
-        };
-        if rows != columns {
-            let what =
-                format!("expected as many rows as columns of cells, it takes {rows}×{columns}");
-            return Err(NnError::Mismatch {
-                path: network.path().to_owned(),
-                what,
-            });
-        }
-        let (channels, cells) = (*channels, *rows);
+    /// [`NnError::Mismatch`] if the network does not take square embeddings.
+    pub fn new(network: Network, dialect: Dialect) -> Result<Self, NnError> {
+        let maps = map_names(dialect)
+            .iter()
+            .map(|name| map_shape(&network, name))
+            .collect::<Result<_, _>>()?;
         Ok(Self {
             network,
             dialect,
-            channels,
-            cells,
+            maps,
         })
     }
 
@@ -160,22 +135,24 @@ impl Decoder {
     /// Returns the square that the encoder sees.
     pub fn canvas(&self) -> Canvas {
         Canvas {
-            side: self.cells * CELL,
-            is_filled: self.dialect == Dialect::Efficient,
+            side: self.cells() * CELL,
+            is_filled: matches!(self.dialect, Dialect::EfficientSam | Dialect::Sam2),
         }
     }
 
-    /// Returns the shape of the embeddings that the decoder takes.
-    pub fn embedding(&self) -> EmbeddingShape {
-        EmbeddingShape {
-            channels: self.channels,
-            cells: self.cells,
-        }
+    /// Returns the shapes of the maps of an embedding.
+    pub fn maps(&self) -> &[EmbeddingShape] {
+        &self.maps
+    }
+
+    /// Returns the number of cells along each side of the square.
+    fn cells(&self) -> usize {
+        self.maps.first().map_or(0, |map| map.cells)
     }
 
     /// Returns the number of logits along each side of a mask, padding included.
     pub fn fine(&self) -> usize {
-        self.cells * FINE
+        self.cells() * FINE
     }
 
     /// Returns the candidate masks for a prompt.
@@ -184,22 +161,70 @@ impl Decoder {
     /// cannot refine.
     pub fn run(
         &self,
-        embedding: &Tensor,
+        embedding: &[Tensor],
         prompt: &DecoderPrompt,
         before: Option<&[f32]>,
     ) -> Result<CandidateMasks, MaskError> {
         match self.dialect {
-            Dialect::Sam => self.run_sam(embedding, prompt, before),
-            Dialect::Efficient => self.run_efficient(embedding, prompt),
+            Dialect::EfficientSam => self.run_efficient(embedding, prompt),
+            Dialect::Sam2 => self.run_sam2(embedding, prompt, before),
+            _ => self.run_sam(embedding, prompt, before),
         }
     }
 
     fn run_sam(
         &self,
-        embedding: &Tensor,
+        embedding: &[Tensor],
         prompt: &DecoderPrompt,
         before: Option<&[f32]>,
     ) -> Result<CandidateMasks, MaskError> {
+        // Only the chosen mask is enlarged to the size of the image, outside of the network. The
+        // network is asked for a small size.
+        let size = floats(&[2], vec![CELL as f32; 2])?;
+        let mut answers = self.refined(embedding, prompt, before, &size, &[1, 4])?;
+        Ok(CandidateMasks {
+            clear: Some(answers.remove(0)),
+            others: answers,
+        })
+    }
+
+    /// As [`Self::run_sam`], for the decoder of Segment Anything 2, which adds the padding itself.
+    ///
+    /// A mask for clear prompts that is unstable is replaced by the best of the others, as in the
+    /// official code (`dynamic_multimask_via_stability`).
+    fn run_sam2(
+        &self,
+        embedding: &[Tensor],
+        prompt: &DecoderPrompt,
+        before: Option<&[f32]>,
+    ) -> Result<CandidateMasks, MaskError> {
+        let points = prompt.points.iter().zip(&prompt.kinds);
+        let own = points.filter(|(_, kind)| **kind != PointKind::Padding);
+        let (points, kinds) = own.map(|(at, kind)| (*at, *kind)).unzip();
+        let prompt = DecoderPrompt { points, kinds };
+        let size = Tensor::integers(&[2], vec![CELL as i64; 2]).map_err(network_error)?;
+        let mut others = self.refined(embedding, &prompt, before, &size, &[4])?;
+        let mut clear = others.remove(0);
+        if stability(&clear.logits) < LEAST_STABILITY
+            && let Some(best) = others.iter().max_by(|a, b| a.score.total_cmp(&b.score))
+        {
+            clear = best.clone();
+        }
+        Ok(CandidateMasks {
+            clear: Some(clear),
+            others,
+        })
+    }
+
+    /// Runs a decoder that takes an earlier answer; `size` is the image size it is asked for.
+    fn refined(
+        &self,
+        embedding: &[Tensor],
+        prompt: &DecoderPrompt,
+        before: Option<&[f32]>,
+        size: &Tensor,
+        counts: &[usize],
+    ) -> Result<Vec<MaskPrediction>, MaskError> {
         let (count, fine) = (prompt.points.len(), self.fine());
         let points = floats(&[1, count, 2], prompt.points.as_flattened().to_vec())?;
         let kinds = floats(
@@ -211,27 +236,24 @@ impl Decoder {
             before.map_or_else(|| vec![0.0; fine * fine], <[f32]>::to_vec),
         )?;
         let is_given = floats(&[1], vec![f32::from(u8::from(before.is_some()))])?;
-        // Only the chosen mask is enlarged to the size of the image, outside of the network. The
-        // network is asked for a small size.
-        let size = floats(&[2], vec![CELL as f32; 2])?;
-        let fed = [
-            ("image_embeddings", embedding),
+        let mut fed: Vec<(&str, &Tensor)> = map_names(self.dialect)
+            .iter()
+            .copied()
+            .zip(embedding)
+            .collect();
+        fed.extend([
             ("point_coords", &points),
             ("point_labels", &kinds),
             ("mask_input", &mask),
             ("has_mask_input", &is_given),
-            ("orig_im_size", &size),
-        ];
-        let mut answers = self.answers(&fed, "low_res_masks", &[1, 4])?;
-        Ok(CandidateMasks {
-            clear: Some(answers.remove(0)),
-            others: answers,
-        })
+            ("orig_im_size", size),
+        ]);
+        self.answers(&fed, "low_res_masks", counts)
     }
 
     fn run_efficient(
         &self,
-        embedding: &Tensor,
+        embedding: &[Tensor],
         prompt: &DecoderPrompt,
     ) -> Result<CandidateMasks, MaskError> {
         // Masks have the size in which points are given; at the size of the logits nothing is
@@ -252,6 +274,9 @@ impl Decoder {
         let points = floats(&[1, 1, used.len(), 2], points)?;
         let kinds = floats(&[1, 1, used.len()], kinds)?;
         let size = Tensor::integers(&[2], vec![fine as i64; 2]).map_err(network_error)?;
+        let [embedding] = embedding else {
+            return Err(MaskError::Network("the embedding has several maps".into()));
+        };
         let fed = [
             ("image_embeddings", embedding),
             ("batched_point_coords", &points),
@@ -305,6 +330,42 @@ impl Decoder {
         };
         Ok(all.ok_or_else(unfit)?.map(answer).collect())
     }
+}
+
+/// Returns the shape of the map that the network takes under a name.
+fn map_shape(network: &Network, name: &str) -> Result<EmbeddingShape, NnError> {
+    let ports = &network.signature().inputs;
+    let port = ports.iter().find(|port| port.name == name);
+    let mismatch = |what: String| NnError::Mismatch {
+        path: network.path().to_owned(),
+        what,
+    };
+    let Some([_, Some(channels), Some(rows), Some(columns)]) =
+        port.map(|port| port.shape.as_slice())
+    else {
+        return Err(mismatch(format!(
+            "expected the input `{name}` f32 [1, channels, cells, cells]"
+        )));
+    };
+    if rows != columns {
+        return Err(mismatch(format!(
+            "expected as many rows as columns of cells, it takes {rows}×{columns}"
+        )));
+    }
+    Ok(EmbeddingShape {
+        channels: *channels,
+        cells: *rows,
+    })
+}
+
+/// Returns the share of a mask that remains when the threshold of its logits rises.
+fn stability(logits: &[f32]) -> f64 {
+    let above = |least: f32| logits.iter().filter(|&&logit| logit > least).count();
+    let possible = above(-STABILITY_OFFSET);
+    if possible == 0 {
+        return 1.0;
+    }
+    above(STABILITY_OFFSET) as f64 / possible as f64
 }
 
 fn floats(shape: &[usize], values: Vec<f32>) -> Result<Tensor, MaskError> {

@@ -4,20 +4,20 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::decoder::{
-    CandidateMasks, Decoder, DecoderPrompt, Dialect, EmbeddingShape, MaskPrediction, PointKind,
+    CandidateMasks, Decoder, DecoderPrompt, EmbeddingShape, MaskPrediction, PointKind,
     network_error,
 };
-use super::embedding::Embedding;
+use super::embedding::{Embedding, EmbeddingMap};
 use super::mask_logits::enlarged;
 use super::part::{Canvas, ImagePart};
 use crate::{Click, MaskError, PxBox, Region};
-use ostra_compute::nn::Tensor;
+use ostra_compute::nn::{Dialect, Tensor};
 
 /// An image, or a part of one, that answers prompts with runs of the decoder alone.
 #[derive(Debug)]
 pub struct SamFrame {
     decoder: Arc<Decoder>,
-    embedding: Tensor,
+    embedding: Vec<Tensor>,
     width: u32,
     height: u32,
     part: ImagePart,
@@ -42,28 +42,38 @@ const KNOWN: usize = 48;
 
 impl SamFrame {
     pub(super) fn new(decoder: Arc<Decoder>, embedding: &Embedding) -> Result<Self, MaskError> {
-        let Embedding {
-            width,
-            height,
-            part,
-            channels,
-            cells,
-            ..
-        } = *embedding;
-        if decoder.embedding() != (EmbeddingShape { channels, cells }) {
+        let shape = |map: &EmbeddingMap| EmbeddingShape {
+            channels: map.channels,
+            cells: map.cells,
+        };
+        if !embedding
+            .maps
+            .iter()
+            .map(shape)
+            .eq(decoder.maps().iter().copied())
+        {
+            let shapes: Vec<String> = embedding
+                .maps
+                .iter()
+                .map(|map| format!("{0}×{1}×{1}", map.channels, map.cells))
+                .collect();
             let what = format!(
-                "an embedding of {channels}×{cells}×{cells} is not of this network; make it again"
+                "an embedding of {} is not of this network; make it again",
+                shapes.join(" and ")
             );
             return Err(MaskError::Network(what));
         }
-        let tensor = Tensor::floats(&[1, channels, cells, cells], embedding.values.clone())
-            .map_err(network_error)?;
+        let tensor = |map: &EmbeddingMap| {
+            let shape = [1, map.channels, map.cells, map.cells];
+            Tensor::floats(&shape, map.values.clone()).map_err(network_error)
+        };
+        let maps = embedding.maps.iter().map(tensor);
         Ok(Self {
             decoder,
-            embedding: tensor,
-            width,
-            height,
-            part,
+            embedding: maps.collect::<Result<_, _>>()?,
+            width: embedding.width,
+            height: embedding.height,
+            part: embedding.part,
             known: Mutex::default(),
         })
     }
@@ -118,16 +128,16 @@ impl SamFrame {
         }
         drop(known);
         let answer = Arc::new(match self.decoder.dialect() {
-            Dialect::Sam => {
+            Dialect::EfficientSam => {
+                self.ask_include_only(clicks, within, before.map(|before| &**before))?
+            }
+            _ => {
                 let is_ambiguous = clicks.len() == 1 && within.is_none() && before.is_none();
                 let logits = before.map(|answer| answer.logits.as_slice());
                 chosen(
                     self.decoder.run(&self.embedding, &prompt, logits)?,
                     is_ambiguous,
                 )?
-            }
-            Dialect::Efficient => {
-                self.ask_include_only(clicks, within, before.map(|before| &**before))?
             }
         });
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
@@ -219,8 +229,9 @@ impl SamFrame {
 
 /// Returns the number of bytes that a frame of this decoder holds.
 pub(super) fn bytes_of(decoder: &Decoder) -> usize {
-    let EmbeddingShape { channels, cells } = decoder.embedding();
-    (channels * cells * cells + KNOWN * decoder.fine() * decoder.fine()) * size_of::<f32>()
+    let values = |map: &EmbeddingShape| map.channels * map.cells * map.cells;
+    let maps: usize = decoder.maps().iter().map(values).sum();
+    (maps + KNOWN * decoder.fine() * decoder.fine()) * size_of::<f32>()
 }
 
 /// Returns the mask for a clear prompt, or the best one for an ambiguous prompt.

@@ -3,13 +3,13 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::decoder::{Decoder, Dialect, EmbeddingShape, network_error};
-use super::embedding::Embedding;
+use super::decoder::{Decoder, EmbeddingShape, map_names, network_error};
+use super::embedding::{Embedding, EmbeddingMap};
 use super::frame::{SamFrame, bytes_of};
 use super::part::{Canvas, ImagePart};
 use crate::onnx::resize::resized;
 use crate::{MaskError, PreparedFrame, Segmenter};
-use ostra_compute::nn::{Network, NnError, Signature, Tensor, load};
+use ostra_compute::nn::{Dialect, Network, NnError, Port, Tensor, load_with_dialect};
 use ostra_core::image::ImageSize;
 use ostra_core::job::{Progress, Stopped};
 use ostra_frames::{DepthMap, Image};
@@ -28,41 +28,64 @@ const MEAN: [f32; 3] = [123.675, 116.28, 103.53];
 const DEVIATION: [f32; 3] = [58.395, 57.12, 57.375];
 
 impl Sam {
-    /// Loads the networks `sam-vit-b`, `mobile-sam` or `efficient-sam` from a model folder.
+    /// Loads the networks of a Segment Anything model from a model folder.
     ///
     /// # Errors
     /// Fails if the networks are not installed there, do not load, or ONNX Runtime is missing.
     pub fn load(folder: &Path, name: &str) -> Result<Self, NnError> {
-        let pair = <[Network; 2]>::try_from(load(folder, name)?);
+        let loaded = load_with_dialect(folder, name)?;
+        let pair = <[Network; 2]>::try_from(loaded.networks);
         let [encoder, decoder] =
             pair.map_err(|_| NnError::Request(format!("`{name}` has no encoder and decoder")))?;
-        Self::new(encoder, decoder)
+        let dialect = loaded.dialect.ok_or_else(|| {
+            NnError::Request(format!(
+                "the catalogue does not say which interface `{name}` has"
+            ))
+        })?;
+        Self::new(dialect, encoder, decoder)
     }
 
     /// Combines an encoder and a decoder.
     ///
-    /// The encoder maps `image` [1, 3, side, side] to `image_embeddings` [1, channels, cells,
-    /// cells]; the decoder has the inputs and outputs of the official export. Alternatively, both
-    /// are those of the official export of `EfficientSAM`, whose encoder takes `batched_images` [1,
-    /// 3, rows, columns] of any size.
+    /// The decoder has the inputs and outputs of the official export, except for `EfficientSAM`. The
+    /// encoder takes the image as [`Dialect`] describes.
     ///
     /// # Errors
     /// [`NnError::Mismatch`] if the two do not belong together.
-    pub fn new(encoder: Network, decoder: Network) -> Result<Self, NnError> {
-        let decoder = Decoder::new(decoder)?;
+    pub fn new(dialect: Dialect, encoder: Network, decoder: Network) -> Result<Self, NnError> {
+        let decoder = Decoder::new(decoder, dialect)?;
         let side = decoder.canvas().side;
-        let (fits, expected) = match decoder.dialect() {
-            Dialect::Sam => (
-                takes(encoder.signature(), "image", [Some(side); 2]),
-                format!("`image` f32 [1, 3, {side}, {side}]"),
-            ),
-            Dialect::Efficient => (
-                takes(encoder.signature(), "batched_images", [None; 2]),
-                "`batched_images` f32 [1, 3, any, any]".to_owned(),
-            ),
+        let input = EncoderInput::of(dialect);
+        let [rows, columns] = if input.takes_any_size {
+            [None; 2]
+        } else {
+            [Some(side); 2]
         };
-        if !fits {
-            let what = format!("expected the only input {expected}, which goes with the decoder");
+        let shape = if input.is_interleaved {
+            vec![rows, columns, Some(3)]
+        } else {
+            vec![Some(1), Some(3), rows, columns]
+        };
+        let fits = |port: &Port| {
+            let sizes = port.shape.iter().zip(&shape);
+            // The batch may be of any size.
+            let same = |(at, (found, expected)): (usize, (&Option<usize>, &Option<usize>))| {
+                found == expected || (at == 0 && !input.is_interleaved)
+            };
+            port.name == input.name
+                && port.shape.len() == shape.len()
+                && sizes.enumerate().all(same)
+        };
+        if !matches!(encoder.signature().inputs.as_slice(), [port] if fits(port)) {
+            let size = |size: &Option<usize>| {
+                size.map_or_else(|| "any".to_owned(), |size| size.to_string())
+            };
+            let shape: Vec<String> = shape.iter().map(size).collect();
+            let what = format!(
+                "expected the only input `{}` f32 [{}], which goes with the decoder",
+                input.name,
+                shape.join(", ")
+            );
             return Err(NnError::Mismatch {
                 path: encoder.path().to_owned(),
                 what,
@@ -116,9 +139,12 @@ impl Sam {
             )));
         }
         progress.step(0, 2)?;
-        let (name, input) = match self.decoder.dialect() {
-            Dialect::Sam => ("image", fed(image, part, self.decoder.canvas())),
-            Dialect::Efficient => ("batched_images", fed_unscaled(image, part)),
+        let dialect = self.decoder.dialect();
+        let name = EncoderInput::of(dialect).name;
+        let input = match dialect {
+            Dialect::EfficientSam => fed_unscaled(image, part),
+            Dialect::SamHwc => fed_interleaved(image, part, self.decoder.canvas()),
+            _ => fed(image, part, self.decoder.canvas()),
         };
         let input = input.map_err(network_error)?;
         progress.step(1, 2)?;
@@ -130,25 +156,44 @@ impl Sam {
         else {
             return Err(Stopped.into());
         };
-        let EmbeddingShape { channels, cells } = self.decoder.embedding();
-        let Some(embedding) = given
-            .first()
-            .filter(|given| given.shape() == [1, channels, cells, cells])
-        else {
-            let path = self.encoder.path().display();
-            return Err(MaskError::Network(format!(
-                "{path}: gives no embedding of {channels}×{cells}×{cells}"
-            )));
-        };
+        let maps = self.maps(&given)?;
         progress.step(2, 2)?;
         Ok(Embedding {
             width,
             height,
             part,
-            channels,
-            cells,
-            values: embedding.as_floats().to_vec(),
+            maps,
         })
+    }
+
+    /// Returns the maps of an embedding from the outputs of the encoder.
+    ///
+    /// An output whose name is not that of the decoder's input is taken by its place.
+    fn maps(&self, given: &[Tensor]) -> Result<Vec<EmbeddingMap>, MaskError> {
+        let outputs = &self.encoder.signature().outputs;
+        let map = |(at, (name, shape)): (usize, (&&str, &EmbeddingShape))| {
+            let EmbeddingShape { channels, cells } = *shape;
+            let named = outputs.iter().position(|port| port.name == **name);
+            let found = given.get(named.unwrap_or(at));
+            let fits = |given: &&Tensor| given.shape() == [1, channels, cells, cells];
+            let found = found.filter(fits).ok_or_else(|| {
+                let path = self.encoder.path().display();
+                MaskError::Network(format!(
+                    "{path}: gives no embedding of {channels}×{cells}×{cells}"
+                ))
+            })?;
+            Ok(EmbeddingMap {
+                channels,
+                cells,
+                values: found.as_floats().to_vec(),
+            })
+        };
+        let names = map_names(self.decoder.dialect()).iter();
+        names
+            .zip(self.decoder.maps())
+            .enumerate()
+            .map(map)
+            .collect()
     }
 
     /// Returns the number of bytes that a frame of these networks holds.
@@ -181,13 +226,30 @@ impl Segmenter for Sam {
     }
 }
 
-/// Returns whether the only input is a colour image of that many rows and columns (`None` = any).
-fn takes(signature: &Signature, name: &str, size: [Option<usize>; 2]) -> bool {
-    let [port] = signature.inputs.as_slice() else {
-        return false;
-    };
-    port.name == name
-        && matches!(port.shape.as_slice(), [_, Some(3), rows, columns] if [*rows, *columns] == size)
+/// The image that an encoder takes.
+struct EncoderInput {
+    name: &'static str,
+    /// Whether it takes rows × columns × colours instead of planes.
+    is_interleaved: bool,
+    /// Whether it takes images of any size.
+    takes_any_size: bool,
+}
+
+impl EncoderInput {
+    fn of(dialect: Dialect) -> Self {
+        let name = match dialect {
+            Dialect::SamX => "x",
+            Dialect::SamHwc => "input_image",
+            Dialect::EfficientSam => "batched_images",
+            Dialect::Sam2 => "input",
+            _ => "image",
+        };
+        Self {
+            name,
+            is_interleaved: dialect == Dialect::SamHwc,
+            takes_any_size: matches!(dialect, Dialect::SamHwc | Dialect::EfficientSam),
+        }
+    }
 }
 
 /// Returns the pixels of a part, row by row.
@@ -216,10 +278,24 @@ fn fed_unscaled(image: &Image, part: ImagePart) -> Result<Tensor, NnError> {
     )
 }
 
+/// Returns the part with its longer side as long as the square, rows × columns × RGB from 0 to 255.
+///
+/// The encoder normalises and pads it.
+fn fed_interleaved(image: &Image, part: ImagePart, canvas: Canvas) -> Result<Tensor, NnError> {
+    let shown = part.shown(canvas);
+    let small = resized(
+        &pixels(image, part),
+        ImageSize::new(part.width as usize, part.height as usize),
+        shown,
+    );
+    let values = small.as_flattened().iter().map(|&value| f32::from(value));
+    Tensor::floats(&[shown.height, shown.width, 3], values.collect())
+}
+
 /// Returns the part as the encoder expects it.
 ///
-/// Its longer side is as long as the square. Colours are normalised, and the rest at the right and
-/// below is zero.
+/// Its longer side is as long as the square, or it fills the square. Colours are normalised, and the
+/// rest at the right and below is zero.
 fn fed(image: &Image, part: ImagePart, canvas: Canvas) -> Result<Tensor, NnError> {
     let (shown, side) = (part.shown(canvas), canvas.side);
     let small = resized(

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::super::GroundingDino;
 use super::{image, network, phrases, runtime, tiny};
 use crate::{GroundRequest, MaskError, TextGrounder};
-use ostra_compute::nn::Network;
+use ostra_compute::nn::{Dialect, Network};
 use ostra_core::job::Progress;
 use ostra_frames::Image;
 
@@ -59,7 +59,9 @@ fn other_networks_and_vocabularies_are_rejected() {
     let other = tiny().join("../sam-tiny/sam-tiny-encoder.onnx");
     let refused = |path: &std::path::Path, words: &str| {
         let network = Network::load(&runtime, path, None).unwrap();
-        GroundingDino::new(network, words).unwrap_err().to_string()
+        GroundingDino::new(Dialect::GroundingDino, network, words)
+            .unwrap_err()
+            .to_string()
     };
     let text = refused(&other, &words);
     assert!(

@@ -2,11 +2,12 @@
 
 mod errors;
 mod parity;
+mod public;
 
 use std::path::{Path, PathBuf};
 
 use super::GroundingDino;
-use ostra_compute::nn::{Network, Runtime};
+use ostra_compute::nn::{Dialect, Network, Runtime};
 use ostra_frames::Image;
 
 /// A small network of random weights with reference answers (by `tests/parity/grounding.py`).
@@ -22,7 +23,7 @@ fn runtime() -> Runtime {
 fn network(folder: &Path, name: &str) -> GroundingDino {
     let network = Network::load(&runtime(), &folder.join(name), None).unwrap();
     let vocabulary = std::fs::read_to_string(folder.join("vocab.txt")).unwrap();
-    GroundingDino::new(network, &vocabulary).unwrap()
+    GroundingDino::new(Dialect::GroundingDino, network, &vocabulary).unwrap()
 }
 
 fn image(path: &Path) -> Image {

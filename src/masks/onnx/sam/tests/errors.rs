@@ -3,7 +3,7 @@
 use super::super::{Embedding, ImagePart, Sam};
 use super::{flat, networks, runtime, tiny};
 use crate::{Click, MaskError, Prompt, SegmentRequest, Segmenter};
-use ostra_compute::nn::{Network, NnError};
+use ostra_compute::nn::{Dialect, Network, NnError};
 use ostra_core::job::Progress;
 use ostra_frames::Image;
 
@@ -27,7 +27,9 @@ fn networks_that_do_not_belong_together_are_rejected() {
         (decoder, decoder, "`image` f32 [1, 3, 256, 256]"),
     ];
     for (first, second, reported) in cases {
-        let text = Sam::new(load(first), load(second)).unwrap_err().to_string();
+        let text = Sam::new(Dialect::Sam, load(first), load(second))
+            .unwrap_err()
+            .to_string();
         assert!(
             text.contains(reported) && text.contains("another network") && !text.contains('\n'),
             "{text}"
@@ -65,7 +67,12 @@ fn networks_that_do_not_belong_together_are_rejected() {
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
 fn stored_embedding_is_read_back_unchanged() {
-    let sam = networks(&tiny(), "sam-tiny-encoder.onnx", "sam-tiny-decoder.onnx");
+    let sam = networks(
+        Dialect::Sam,
+        &tiny(),
+        "sam-tiny-encoder.onnx",
+        "sam-tiny-decoder.onnx",
+    );
     let part = ImagePart {
         x: 8,
         y: 4,

@@ -3,11 +3,12 @@
 mod errors;
 mod parity;
 mod prompts;
+mod public;
 
 use std::path::{Path, PathBuf};
 
 use super::Sam;
-use ostra_compute::nn::{Network, Runtime};
+use ostra_compute::nn::{Dialect, Network, Runtime};
 
 /// Small networks of random weights with reference answers (created by `tests/parity/sam.py`).
 fn tiny() -> PathBuf {
@@ -21,19 +22,19 @@ fn tiny_efficient() -> PathBuf {
 
 /// Networks that segment flat colours.
 fn flat() -> Sam {
-    of_flat_colours("sam-flat")
+    of_flat_colours("sam-flat", Dialect::Sam)
 }
 
 /// Same with the interface of `EfficientSAM`.
 fn flat_efficient() -> Sam {
-    of_flat_colours("efficient-sam-flat")
+    of_flat_colours("efficient-sam-flat", Dialect::EfficientSam)
 }
 
-fn of_flat_colours(folder: &str) -> Sam {
+fn of_flat_colours(folder: &str, dialect: Dialect) -> Sam {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../tests/parity")
         .join(folder);
-    networks(&folder, "encoder.onnx", "decoder.onnx")
+    networks(dialect, &folder, "encoder.onnx", "decoder.onnx")
 }
 
 fn runtime() -> Runtime {
@@ -41,8 +42,8 @@ fn runtime() -> Runtime {
 }
 
 /// Loads the networks of two files in a folder.
-fn networks(folder: &Path, encoder: &str, decoder: &str) -> Sam {
+fn networks(dialect: Dialect, folder: &Path, encoder: &str, decoder: &str) -> Sam {
     let runtime = runtime();
     let load = |file: &str| Network::load(&runtime, &folder.join(file), None).unwrap();
-    Sam::new(load(encoder), load(decoder)).unwrap()
+    Sam::new(dialect, load(encoder), load(decoder)).unwrap()
 }

@@ -10,6 +10,7 @@ use super::super::decoder::MaskPrediction;
 use super::super::{ImagePart, Sam, SamFrame};
 use super::{networks, tiny, tiny_efficient};
 use crate::{Click, PxBox};
+use ostra_compute::nn::Dialect;
 use ostra_core::job::Progress;
 use ostra_frames::Image;
 
@@ -75,7 +76,15 @@ impl Folder {
     }
 
     fn networks(&self) -> Sam {
-        networks(&self.path, &self.reference.encoder, &self.reference.decoder)
+        let Reference {
+            encoder, decoder, ..
+        } = &self.reference;
+        let dialect = if encoder.contains("efficient") {
+            Dialect::EfficientSam
+        } else {
+            Dialect::Sam
+        };
+        networks(dialect, &self.path, encoder, decoder)
     }
 
     fn image(&self, name: &str) -> Image {
@@ -151,7 +160,7 @@ fn compare(
         )
         .unwrap();
     let frame = sam.frame(&embedding).unwrap();
-    let embedded = difference(folder.tensor(&of.embedding), &embedding.values);
+    let embedded = difference(folder.tensor(&of.embedding), &embedding.maps[0].values);
     let mut answered = 0.0f64;
     for (case, answer) in of.cases.iter().zip(answers(&frame, &of.cases, shift_px)) {
         answered = answered.max(difference(folder.tensor(&case.low), &answer.logits));
