@@ -1,10 +1,11 @@
 //! Spacing of points in a cloud, found along the Z-order curve, and which points are lone.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::{IVec3, Vec3};
 use rayon::prelude::*;
+use rustc_hash::FxHashMap;
 
 use super::spread_order::SpreadOrder;
 use ostra_core::statistics::upper_median;
@@ -86,7 +87,7 @@ pub(super) fn local_spacing(positions: &[Vec3], order: &[u32]) -> Vec<Spacing> {
         let is_far = length > usual * MOST_OF_LONE[0] && length > local * MOST_OF_LONE[1];
         is_far || length.min(local * MOST_OF_RUNS) > usual * LONE_RUN
     };
-    let lone: HashSet<usize> = without_company(
+    let lone: BTreeSet<usize> = without_company(
         positions,
         order,
         (0..order.len())
@@ -119,13 +120,13 @@ fn without_company(
     order: &[u32],
     places: Vec<usize>,
     radius: f32,
-) -> HashSet<usize> {
+) -> BTreeSet<usize> {
     if radius <= 0.0 {
         return places.into_iter().collect();
     }
     let position = |place: usize| positions[order[place] as usize];
     let cube = |x: Vec3| (x / radius).floor().as_ivec3();
-    let mut around: HashMap<IVec3, Vec<usize>> = HashMap::new();
+    let mut around: FxHashMap<IVec3, Vec<usize>> = FxHashMap::default();
     for (number, &place) in places.iter().enumerate() {
         let own = cube(position(place));
         for step in 0..27 {

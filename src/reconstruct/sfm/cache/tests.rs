@@ -363,7 +363,7 @@ fn removal_spares_files_of_others() {
     let bytes = feature_cache_bytes(&run.folder);
     assert!(bytes > 0);
     assert_eq!(remove_feature_cache(&run.folder).unwrap(), bytes);
-    assert_eq!(files(&run.folder), [foreign.clone()]);
+    assert_eq!(files(&run.folder), std::slice::from_ref(&foreign));
     fs::remove_file(foreign).unwrap();
     remove_feature_cache(&run.folder).unwrap();
     assert!(!run.folder.exists());
