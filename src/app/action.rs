@@ -103,9 +103,9 @@ pub enum Action {
     RemoveIslands,
     /// Selects a tool.
     UseTool(Tool),
-    /// Decreases the brush radius.
+    /// Decreases the brush radius, or with the click tool the size of the last answer.
     SmallerBrush,
-    /// Increases the brush radius.
+    /// Increases the brush radius, or with the click tool the size of the last answer.
     LargerBrush,
     /// Toggles snapping of the brush to image edges.
     ToggleSnap,
@@ -407,14 +407,14 @@ const LIST: &[Row] = {
         A::PasteMask, RANGE, false, "Paste mask of label", "Paste the copied mask onto the range; its frames become keyframes", shift(Key::V);
         A::FillHoles, EDIT, true, "Fill holes of label", "Fill holes of the selected label on this frame that are smaller than the size in the menu of tools", shift(Key::H);
         A::RemoveIslands, EDIT, false, "Remove specks of label", "Remove parts of the selected label on this frame that are smaller than the size in the menu of tools; the largest part is kept", shift(Key::K);
-        A::UseTool(Tool::Click), EDIT, true, "Click and box tool", "Left click to include, right click to exclude, drag for a box", plain(Key::V);
+        A::UseTool(Tool::Click), EDIT, true, "Click and box tool", "Left click to include, right click to exclude, drag for a box; with Ctrl, a new object. Alt+wheel makes the answer smaller or larger", plain(Key::V);
         A::UseTool(Tool::Brush), EDIT, false, "Brush tool", "Paint the selected label; Ctrl or right button erases, Shift+wheel sets the size", plain(Key::P);
         A::UseTool(Tool::Eraser), EDIT, false, "Eraser tool", "Erase the selected label; Shift+wheel sets the size", plain(Key::X);
         A::UseTool(Tool::Polygon), EDIT, false, "Polygon tool", "Click corners or draw an outline; Enter or double-click fills it (with Ctrl erases), Backspace or right click removes the last corner", plain(Key::G);
         A::UseTool(Tool::Border), EDIT, false, "Move border tool", "Press on the border of the selected label and drag it to the right place", shift(Key::G);
         A::UseTool(Tool::Stem), EDIT, false, "Stem and wire tool", "Click two or more points along a stem or wire; Enter or double-click traces it, Backspace or right click removes the last point", plain(Key::W);
-        A::SmallerBrush, EDIT, false, "Smaller brush", "Make the brush smaller", plain(Key::OpenBracket);
-        A::LargerBrush, EDIT, false, "Larger brush", "Make the brush larger", plain(Key::CloseBracket);
+        A::SmallerBrush, EDIT, false, "Smaller brush or answer", "Make the brush smaller; with the click tool, give the last click a smaller answer", plain(Key::OpenBracket);
+        A::LargerBrush, EDIT, false, "Larger brush or answer", "Make the brush larger; with the click tool, give the last click a larger answer", plain(Key::CloseBracket);
         A::ToggleSnap, EDIT, false, "Snap brush to edges", "Stop the brush at image edges that the inner half of its radius does not cross", plain(Key::S);
         A::ShowBoth, VIEW, false, "Image and 3-D", "Show image and 3-D view next to each other", ctrl(Key::Num1);
         A::ShowImage, VIEW, false, "Image only", "Show only the image", ctrl(Key::Num2);

@@ -1,4 +1,4 @@
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use egui::{Color32, ColorImage, Context, TextureHandle, TextureOptions};
@@ -13,7 +13,6 @@ pub(super) struct Textures {
     image: Option<CachedImage>,
     pair: [Option<CachedImage>; 2],
     mask: Option<MaskTexture>,
-    hovered: Option<MaskTexture>,
     vote_mismatch: Option<(Arc<Region>, TextureHandle)>,
     thumbnails: BTreeMap<usize, Thumbnail>,
     small: Vec<CachedImage>,
@@ -34,9 +33,6 @@ struct Thumbnail {
     texture: TextureHandle,
     seen: u64,
 }
-
-/// Opacity of the preview of a click.
-const HOVER_OPACITY: f32 = 0.25;
 
 /// Maximum number of thumbnails kept on the GPU.
 const THUMBNAILS_KEPT: usize = 300;
@@ -77,21 +73,6 @@ impl Textures {
         style: &OverlayStyle,
     ) -> TextureHandle {
         mask_texture(&mut self.mask, ctx, runs, tree, style)
-    }
-
-    /// Returns the texture of the preview of a click, at low opacity.
-    pub fn hovered(
-        &mut self,
-        ctx: &Context,
-        runs: &Arc<RunMask>,
-        tree: &LabelTree,
-    ) -> TextureHandle {
-        let style = OverlayStyle {
-            opacity: HOVER_OPACITY,
-            outlines: true,
-            hidden: BTreeSet::new(),
-        };
-        mask_texture(&mut self.hovered, ctx, runs, tree, &style)
     }
 
     /// Returns the texture of the pixels that contradict the vote.

@@ -12,6 +12,8 @@ mod data;
 mod generated_page;
 
 #[cfg(test)]
+mod answers;
+#[cfg(test)]
 mod book;
 #[cfg(test)]
 mod canvas;

@@ -1,6 +1,7 @@
 use std::fs;
 
 use super::*;
+use ostra_masks::LabelId;
 
 fn window() -> Window {
     let shell = Shell::new(Prefs::default(), None);
@@ -43,4 +44,20 @@ fn estimate_of_a_closed_project_is_dropped() {
     window.take(Event::Closed);
     window.update_estimate();
     assert_eq!(window.estimate, None);
+}
+
+#[test]
+fn prompt_without_effect_is_reported_until_something_changes() {
+    let mut window = window();
+    let text = "The click changed nothing: 'leaf' is here already";
+    window.take(Event::Unchanged {
+        frame: 0,
+        label: LabelId(1),
+        text: text.into(),
+    });
+    assert_eq!(window.shell.view.note, text);
+    let reported = |window: &Window| format!("{:?}", window.shell.view.answer).contains(text);
+    assert!(reported(&window));
+    window.take(Event::Changed);
+    assert!(!reported(&window));
 }
