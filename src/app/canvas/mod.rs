@@ -15,4 +15,4 @@ pub use draft::{Draft, Tool};
 pub(super) use image_pane::image_pane_ui;
 pub use map::{CanvasMap, ZoomState};
 pub use preview::PreviewOutline;
-pub(super) use prompts::{clear_label, click_at, id_at, resized, step_size};
+pub(super) use prompts::{clear_label, click_at, id_at, step_size};

@@ -84,7 +84,7 @@ impl Prepared {
             clicks: &prompt.clicks,
             taken,
         };
-        let first_of_regions = if correction.marks_leak() { 0 } else { 1 };
+        let first_of_regions = i32::from(!correction.marks_leak());
         let step = prompt.size.steps() - first_of_regions;
         let local = (step < 0).then(|| correction.local(step + 1)).flatten();
         local.unwrap_or_else(|| {
