@@ -3,8 +3,10 @@
 //! `cargo bench --bench clicks [first] [corrections] [CLIP…]` on the images of `OSTRA_DATA`.
 //!
 //! `first` clicks the deepest point of each object and those of its other parts. It prints the
-//! share of answers with an IoU of at least 0.5: of the automatic size, and of the best of all
-//! sizes. Objects are in two halves, for choosing a rule and for checking it.
+//! share of answers with an IoU of at least 0.5: of the automatic size, of the best of all sizes,
+//! and of rules that replace an implausible answer by the best plausible one. An answer is
+//! implausible if it covers a share of the image or touches three of its borders. Objects are in
+//! two halves, for choosing a rule and for checking it.
 //!
 //! `corrections` tracks the first mask of each clip by flow and corrects every fourth frame with
 //! four clicks into the largest error. It prints the mean gain of IoU of the clicks of each kind.
@@ -24,6 +26,8 @@ use ostra_core::job::Progress;
 use ostra_eval::simulated_click::next_click;
 use ostra_frames::{DepthMap, Frame, FrameFolder, FrameStore, Image, OpenRequest, open};
 use ostra_masks::graph_cut::BuiltinSegmenter;
+use ostra_masks::graph_cut::ranked_click::{RankedClick, RankedFrame};
+use ostra_masks::graph_cut::ranking::{WEIGHTS, best};
 use ostra_masks::{
     AnswerSize, Click, Direction, Label, LabelId, LabelMask, PreparedFrame, Prompt, Region,
     SegmentRequest, Segmenter, TrackRequest, TrackedFrame, Tracker, landmarks,
@@ -82,12 +86,14 @@ fn first_clicks(data: &Path, names: &[&str]) {
     if names.is_empty() {
         cases.extend(labelled_cases(&data.join("apc_shelf_rgbd_labels")));
     }
-    let found: Vec<(usize, Vec<[f64; 2]>)> = (0..cases.len())
+    let found: Vec<(usize, Vec<FirstIous>)> = (0..cases.len())
         .into_par_iter()
         .map(|at| (at, first_ious(&cases[at])))
         .collect();
-    println!("share of first answers with an IoU of at least 0.5: automatic, best of all sizes");
-    let mut of_set: BTreeMap<(&str, bool), Vec<[f64; 2]>> = BTreeMap::new();
+    println!(
+        "share of first answers with an IoU of at least 0.5: automatic, best of all sizes, then of implausible from {SHARES:?} of the image on"
+    );
+    let mut of_set: BTreeMap<(&str, bool), Vec<FirstIous>> = BTreeMap::new();
     for (at, ious) in found {
         let key = (cases[at].set, cases[at].is_check);
         of_set.entry(key).or_default().extend(ious);
@@ -99,11 +105,13 @@ fn first_clicks(data: &Path, names: &[&str]) {
         };
         let mean = ious.iter().map(|iou| iou[0]).sum::<f64>() / ious.len().max(1) as f64;
         println!(
-            "{set:12} {:6} {:4} clicks: {:5.1} %, {:5.1} %; mean IoU {mean:.3}",
+            "{set:12} {:6} {:4} clicks: {}; mean IoU {mean:.3}",
             if is_check { "check" } else { "tune" },
             ious.len(),
-            share(0),
-            share(1),
+            (0..2 + SHARES.len())
+                .map(|which| format!("{:.1} %", share(which)))
+                .collect::<Vec<_>>()
+                .join(", "),
         );
     }
 }
@@ -153,12 +161,20 @@ fn labelled_cases(root: &Path) -> Vec<Case> {
     cases
 }
 
-/// Returns the IoU of each first click: of the automatic size and the best of all sizes.
-fn first_ious(case: &Case) -> Vec<[f64; 2]> {
+/// Shares of the image from which an answer is implausible, one per rule.
+const SHARES: [f32; 4] = [0.3, 0.4, 0.5, 0.6];
+
+/// IoU of a first click: of the automatic size, of the best of all sizes, and by each rule.
+type FirstIous = [f64; 2 + SHARES.len()];
+
+/// Returns the IoUs of each first click on the objects of an image.
+fn first_ious(case: &Case) -> Vec<FirstIous> {
     let image = read_image(&case.image);
     let depth = case.depth.as_ref().map(|path| Arc::new(read_depth(path)));
     let frame = BuiltinSegmenter
         .prepare(&image, depth.as_ref(), &Progress::default())
+        .expect("the image can be prepared");
+    let ranked = RankedFrame::new(&image, depth.as_deref(), &Progress::default())
         .expect("the image can be prepared");
     let truth = image::open(&case.truth)
         .expect("the ground truth can be read")
@@ -189,7 +205,12 @@ fn first_ious(case: &Case) -> Vec<[f64; 2]> {
             let iou = |size: AnswerSize| first_answer(&*frame, at_px, size).iou(&object);
             let of_sizes = AnswerSize::ALL.map(iou);
             let best = of_sizes.into_iter().fold(0.0, f64::max);
-            ious.push([of_sizes[2], best]);
+            let mut all = [0.0; 2 + SHARES.len()];
+            all[..2].copy_from_slice(&[of_sizes[2], best]);
+            for (iou, share) in all[2..].iter_mut().zip(SHARES) {
+                *iou = plausible_answer(&ranked, at_px, share, &object).iou(&object);
+            }
+            ious.push(all);
         }
     }
     ious
@@ -212,6 +233,53 @@ fn first_answer(frame: &dyn PreparedFrame, at_px: DVec2, size: AnswerSize) -> Re
     frame
         .segment(&request, &Progress::default())
         .expect("a click inside the image has an answer")
+}
+
+/// Returns the answer by a rule; `frame_of` gives the size of the image.
+fn plausible_answer(ranked: &RankedFrame, at_px: DVec2, share: f32, frame_of: &Region) -> Region {
+    let (width, height) = (frame_of.width as usize, frame_of.height as usize);
+    let taken = Region::empty(frame_of.width, frame_of.height);
+    let of_pixel = ranked.region_of_pixel();
+    let mut areas = vec![0.0f32; ranked.region_count()];
+    let mut borders = vec![[false; 4]; ranked.region_count()];
+    for (at, &region) in of_pixel.iter().enumerate() {
+        let (x, y) = (at % width, at / width);
+        areas[region as usize] += 1.0;
+        let touched = [x == 0, x + 1 == width, y == 0, y + 1 == height];
+        for (known, touched) in borders[region as usize].iter_mut().zip(touched) {
+            *known |= touched;
+        }
+    }
+    let is_plausible = |change: &[bool]| {
+        let changed = || (0..change.len()).filter(|&at| change[at]);
+        let area: f32 = changed().map(|at| areas[at]).sum();
+        let touched = (0..4).filter(|&side| changed().any(|at| borders[at][side]));
+        area <= share * (width * height) as f32 && touched.count() < 3
+    };
+    let request = RankedClick {
+        click: Click {
+            at_px,
+            include: true,
+        },
+        earlier: &[],
+        previous: None,
+        taken: &taken,
+    };
+    ranked.answer(&request, &mut |found| {
+        let automatic = best(&WEIGHTS, found.kind, &found.terms, &found.shared).unwrap_or(0);
+        if is_plausible(&found.changes[automatic]) {
+            return automatic;
+        }
+        let left: Vec<usize> = (0..found.changes.len())
+            .filter(|&at| is_plausible(&found.changes[at]))
+            .collect();
+        let terms: Vec<_> = left.iter().map(|&at| found.terms[at]).collect();
+        let shared: Vec<Vec<f32>> = left
+            .iter()
+            .map(|&a| left.iter().map(|&b| found.shared[a][b]).collect())
+            .collect();
+        best(&WEIGHTS, found.kind, &terms, &shared).map_or(automatic, |at| left[at])
+    })
 }
 
 /// Kinds of correcting clicks.
