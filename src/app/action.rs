@@ -108,9 +108,9 @@ pub enum Action {
     RemoveIslands,
     /// Selects a tool.
     UseTool(Tool),
-    /// Decreases the brush radius.
+    /// Decreases the brush radius, or with the click tool the size of the last answer.
     SmallerBrush,
-    /// Increases the brush radius.
+    /// Increases the brush radius, or with the click tool the size of the last answer.
     LargerBrush,
     /// Toggles snapping of the brush to image edges.
     ToggleSnap,
@@ -366,14 +366,14 @@ const LIST: &[Row] = {
         A::AssignChosen, POINTS, false, "Assign label to selected points", "Give the selected points the selected label, in every mask that shows them", shift(Key::Enter);
         A::ClearChosen, POINTS, false, "Clear label of selected points", "Remove the label of the selected points, in every mask that shows them", shift(Key::Backspace);
         A::AttachFragments, POINTS, false, "Attach loose fragments", "Give unlabelled fragments the label of the object that they are attached to, in every mask that shows them", None;
-        A::UseTool(Tool::Click), TOOLS, false, "Click and box tool", "Left click to include, right click to exclude, drag for a box", plain(Key::V);
+        A::UseTool(Tool::Click), TOOLS, false, "Click and box tool", "Left click to include, right click to exclude, drag for a box; with Ctrl, a new object. Alt+wheel makes the answer smaller or larger", plain(Key::V);
         A::UseTool(Tool::Brush), TOOLS, false, "Brush tool", "Paint the selected label; Ctrl or right button erases, Shift+wheel sets the size", plain(Key::P);
         A::UseTool(Tool::Eraser), TOOLS, false, "Eraser tool", "Erase the selected label; Shift+wheel sets the size", plain(Key::X);
         A::UseTool(Tool::Polygon), TOOLS, false, "Polygon tool", "Click corners or draw an outline; Enter or double-click fills it (with Ctrl erases), Backspace or right click removes the last corner", plain(Key::G);
         A::UseTool(Tool::Border), TOOLS, false, "Move border tool", "Press on the border of the selected label and drag it to the right place", shift(Key::G);
         A::UseTool(Tool::Stem), TOOLS, false, "Stem and wire tool", "Click two or more points along a stem or wire; Enter or double-click traces it, Backspace or right click removes the last point", plain(Key::W);
-        A::SmallerBrush, TOOLS, true, "Smaller brush", "Make the brush smaller", plain(Key::OpenBracket);
-        A::LargerBrush, TOOLS, false, "Larger brush", "Make the brush larger", plain(Key::CloseBracket);
+        A::SmallerBrush, TOOLS, true, "Smaller brush or answer", "Make the brush smaller; with the click tool, give the last click a smaller answer", plain(Key::OpenBracket);
+        A::LargerBrush, TOOLS, false, "Larger brush or answer", "Make the brush larger; with the click tool, give the last click a larger answer", plain(Key::CloseBracket);
         A::ToggleSnap, TOOLS, false, "Snap brush to edges", "Stop the brush at image edges that the inner half of its radius does not cross", plain(Key::S);
         A::Preferences, EDIT, true, "Preferences…", "Set theme, size of the interface, previews, processor and shortcuts", ctrl(Key::Comma);
         A::RangeFrom, RANGE, false, "Start range here", "Make this frame the first frame of the range", plain(Key::I);

@@ -1,7 +1,7 @@
 use egui::{Context, ThemePreference, ViewportCommand};
 use ostra_project::SegmenterId;
 
-use super::canvas::{clear_label, click_at};
+use super::canvas::{Tool, clear_label, click_at, step_size};
 use super::dialogs::RelocateForm;
 use super::dialogs::{HelpPage, PathRequest, choose_path, typed_path};
 use super::panels::{InspectedPoint, add_label, listed, next_worst, pairs_in};
@@ -125,6 +125,8 @@ fn start(
             out.extend(view.ruler.command());
         }
         Action::FindInScene => find_in_scene(session, view),
+        Action::SmallerBrush if view.tool == Tool::Click => step_size(session, view, false, out),
+        Action::LargerBrush if view.tool == Tool::Click => step_size(session, view, true, out),
         Action::Fuse => {
             let onto = typed_path(&view.onto_text);
             out.push(Command::Fuse(FuseRequest {

@@ -9,7 +9,7 @@ use ostra_cloud::select::Selection;
 use ostra_cloud::{LabelledCloud, LabelledMesh};
 use ostra_compute::nn::ModelStatus;
 use ostra_frames::{Frame, FrameStore};
-use ostra_masks::{LabelTree, Region, RunMask};
+use ostra_masks::{LabelId, LabelTree, Region, RunMask};
 use ostra_project::Project;
 use ostra_session::{
     Angles, DepthPoints, Drawings, EngineInfo, EngineKind, Grounding, Images, JobTask, JobView,
@@ -60,6 +60,8 @@ pub struct SessionView<'a> {
     pub engines: &'a [EngineInfo],
     /// All known networks, installed or not.
     pub models: &'a [ModelStatus],
+    /// Frame and label of the click that the last step answered.
+    pub last_prompt: Option<(usize, LabelId)>,
     /// Title of the step that undo reverts.
     pub undo: Option<&'a str>,
     /// Title of the step that redo applies.

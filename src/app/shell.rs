@@ -103,6 +103,10 @@ impl Shell {
 
     /// Draws the whole window and returns the commands that the user issued, in order.
     pub fn ui(&mut self, ui: &mut Ui, session: &SessionView<'_>) -> Vec<Command> {
+        // A drag over the image must take the keyboard from a text field, as a click does.
+        ui.ctx().options_mut(|options| {
+            options.input_options.surrender_focus_on = egui::SurrenderFocusOn::Presses;
+        });
         let mut requests = Requests::default();
         self.look.follow(ui.ctx(), &mut self.view.prefs);
         self.view.keep_valid(session);
@@ -132,6 +136,7 @@ impl Shell {
         let panes = CentralPanel::default()
             .frame(Frame::new().fill(fill))
             .show(ui, |ui| {
+                self.view.panes_rect = ui.max_rect();
                 self.panes_ui(ui, session, &mut requests);
             })
             .response

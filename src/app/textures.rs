@@ -17,7 +17,6 @@ pub(super) struct Textures {
     tone: Tone,
     pair: [Option<CachedImage>; 2],
     mask: Option<MaskTexture>,
-    hovered: Option<MaskTexture>,
     vote_mismatch: Option<(Arc<Region>, TextureHandle)>,
     thumbnails: BTreeMap<usize, Thumbnail>,
     small: Vec<CachedImage>,
@@ -42,9 +41,6 @@ struct Thumbnail {
     texture: TextureHandle,
     seen: u64,
 }
-
-/// Opacity of the preview of a click.
-const HOVER_OPACITY: f32 = 0.25;
 
 /// Maximum number of thumbnails kept on the GPU.
 const THUMBNAILS_KEPT: usize = 300;
@@ -113,21 +109,6 @@ impl Textures {
         step: usize,
     ) -> TextureHandle {
         mask_texture(&mut self.mask, ctx, runs, tree, style, step)
-    }
-
-    /// Returns the texture of the preview of a click, at low opacity.
-    pub fn hovered(
-        &mut self,
-        ctx: &Context,
-        runs: &Arc<RunMask>,
-        tree: &LabelTree,
-    ) -> TextureHandle {
-        let style = OverlayStyle {
-            opacity: HOVER_OPACITY,
-            outlines: true,
-            ..OverlayStyle::default()
-        };
-        mask_texture(&mut self.hovered, ctx, runs, tree, &style, 1)
     }
 
     /// Returns the texture of the pixels that contradict the vote.

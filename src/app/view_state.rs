@@ -2,7 +2,7 @@ use ostra_project::SegmenterId;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use super::canvas::{Draft, Tool, ZoomState};
+use super::canvas::{AnswerBar, Draft, PreviewOutline, Tool, ZoomState};
 use super::dialogs::{
     ExportForm, HelpPage, ImageForm, ModelsForm, NewProjectForm, PaletteState, PathPicker,
     PathRequest, RelocateForm, ScreenshotRequest, SheetState,
@@ -159,6 +159,12 @@ pub struct ViewState {
     pub rest: Option<HoverDwell>,
     /// Prompt that a click at the pointer would send, for the preview.
     pub hover_request: Option<PromptRequest>,
+    /// Outline of the preview.
+    pub preview: PreviewOutline,
+    /// State of the bar below the last answer.
+    pub answer: AnswerBar,
+    /// Rectangle of all panes when the window was last drawn, in screen points.
+    pub panes_rect: egui::Rect,
     /// Image position under the pointer, in pixels.
     pub pointer_px: Option<glam::DVec2>,
     /// Centre of the shown image, in pixels.
@@ -330,6 +336,9 @@ impl ViewState {
             tone: Tone::default(),
             rest: None,
             hover_request: None,
+            preview: PreviewOutline::default(),
+            answer: AnswerBar::default(),
+            panes_rect: egui::Rect::NOTHING,
             pointer_px: None,
             image_middle_px: glam::DVec2::ZERO,
         }

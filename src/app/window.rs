@@ -149,7 +149,10 @@ impl Window {
             // What a job reports at its end says more than that it is done.
             let is_end = matches!(event, Event::Finished { .. });
             let keeps_note = is_end && std::mem::take(&mut has_noticed);
-            has_noticed |= matches!(event, Event::Notice(_) | Event::Exported(_));
+            has_noticed |= matches!(
+                event,
+                Event::Notice(_) | Event::Exported(_) | Event::Unchanged { .. }
+            );
             if self.attention.is_due(&event, Instant::now()) && !ctx.input(|input| input.focused) {
                 ctx.send_viewport_cmd(ViewportCommand::RequestUserAttention(
                     egui::UserAttentionType::Informational,
@@ -308,12 +311,17 @@ impl Window {
                 }
                 self.shell.view.notices.tell(Severity::Warning, text);
             }
+            Event::Unchanged { frame, text, .. } => {
+                self.shell.view.draft.forget_sent();
+                self.shell.view.note.clone_from(&text);
+                self.shell.view.answer.note_unchanged(frame, text);
+            }
+            Event::Changed => self.shell.view.answer.forget(),
             Event::ModelsChanged => {
                 self.engines = list_engines();
                 self.models = list_models().unwrap_or_default();
             }
             Event::Started { .. }
-            | Event::Changed
             | Event::CloudChanged
             | Event::SparseChanged
             | Event::ConflictsChanged => {}
@@ -453,6 +461,7 @@ fn view_of<'a>(
         jobs: &[],
         engines: &[],
         models: &[],
+        last_prompt: session.last_prompt(),
         undo: session.undo_title(),
         redo: session.redo_title(),
         recent: &[],

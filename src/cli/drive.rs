@@ -168,7 +168,7 @@ fn report(events: Vec<Event>) -> Result<()> {
     let mut outcome = Ok(());
     for event in events {
         match event {
-            Event::Warning(text) => warn(&text),
+            Event::Warning(text) | Event::Unchanged { text, .. } => warn(&text),
             Event::Paused { text, .. } if outcome.is_ok() => outcome = Err(anyhow!(text)),
             Event::Notice(text) => print_text(&format!("{text}\n")),
             Event::Failed { error, .. } if outcome.is_ok() => outcome = Err(anyhow!(error)),

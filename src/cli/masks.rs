@@ -10,7 +10,7 @@ use glam::DVec2;
 use super::drive::{Driver, label_id};
 use super::print::print_text;
 use super::values;
-use ostra_masks::{Click, MaskFormat, Prompt, PxBox};
+use ostra_masks::{AnswerSize, Click, MaskFormat, Prompt, PxBox};
 use ostra_session::{
     CleanRequest, Command, FindByTextRequest, PromptRequest, TakeRequest, TraceRequest,
 };
@@ -34,6 +34,10 @@ pub(super) struct PromptArgs {
     /// Boxes around the object.
     #[arg(long = "box", num_args = 1.., value_name = "X0,Y0,X1,Y1", value_parser = values::px_box)]
     pub boxes: Vec<[DVec2; 2]>,
+    /// Size of the answer to the last click: a part, the object, or a group of objects. Repeat the
+    /// last prompt with another size if it took too much or too little.
+    #[arg(long, default_value = "auto", value_name = "SIZE", value_parser = values::answer_size())]
+    pub size: AnswerSize,
     /// Segmenter; sam-close works at full resolution around each prompt, geometry needs depth and
     /// cameras.
     #[arg(long, default_value = "auto", value_name = "NAME", value_parser = values::engine::<SegmenterId>())]
@@ -152,6 +156,7 @@ pub(super) fn prompt(args: &PromptArgs) -> Result<()> {
         prompt: Prompt {
             clicks,
             boxes,
+            size: args.size,
             ..Prompt::default()
         },
         segmenter: args.segmenter,

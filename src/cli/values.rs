@@ -5,7 +5,7 @@ use glam::DVec2;
 
 use ostra_cloud::measure::LengthUnit;
 use ostra_frames::cameras::IntrinsicsSource;
-use ostra_masks::MaskFormat;
+use ostra_masks::{AnswerSize, MaskFormat};
 use ostra_project::EngineName;
 
 /// Returns a parser of engine names; help and errors list all names.
@@ -18,6 +18,17 @@ pub(super) fn engine<I: EngineName>() -> impl TypedValueParser<Value = I> {
 pub(super) fn mask_format() -> impl TypedValueParser<Value = MaskFormat> {
     PossibleValuesParser::new(MaskFormat::ALL.map(MaskFormat::name))
         .try_map(|name| name.parse::<MaskFormat>())
+}
+
+/// Returns a parser of sizes of answers; help and errors list all names.
+pub(super) fn answer_size() -> impl TypedValueParser<Value = AnswerSize> {
+    PossibleValuesParser::new(AnswerSize::ALL.map(AnswerSize::name)).try_map(|name| {
+        let named = |size: &AnswerSize| size.name() == name;
+        AnswerSize::ALL
+            .into_iter()
+            .find(named)
+            .ok_or("no such size")
+    })
 }
 
 /// Parses `X,Y` in pixels.

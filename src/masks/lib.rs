@@ -56,6 +56,8 @@
 //! # }
 //! ```
 
+mod answer_size;
+mod click_disc;
 mod components;
 pub mod cut;
 mod distance;
@@ -78,6 +80,8 @@ mod run_mask;
 mod thin;
 pub mod unexplained;
 
+pub use answer_size::AnswerSize;
+pub use click_disc::obey;
 pub use components::{Components, Connectivity, components};
 pub use distance::{deepest_point, landmarks, squared_depth_in, squared_distance_to};
 pub use edit::{

@@ -2,6 +2,8 @@ use glam::DVec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::AnswerSize;
+
 /// A click: its pixel belongs to the object, or does not.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Click {
@@ -58,13 +60,22 @@ pub struct Prompt {
     /// Each click then corrects only the error that it lies in; the rest of the mask stays.
     #[serde(default)]
     pub corrects: bool,
+    /// Size of the answer to the last click.
+    #[serde(default)]
+    pub size: AnswerSize,
 }
 
 impl Prompt {
     /// Returns whether two prompts have the same clicks and boxes.
     #[must_use]
-    pub fn gives_as(&self, other: &Self) -> bool {
+    pub fn has_inputs_of(&self, other: &Self) -> bool {
         self.clicks == other.clicks && self.boxes == other.boxes
+    }
+
+    /// Returns whether two prompts have the same clicks, boxes and size.
+    #[must_use]
+    pub fn gives_as(&self, other: &Self) -> bool {
+        self.has_inputs_of(other) && self.size == other.size
     }
 
     /// Returns whether there are no clicks and no boxes.

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::Edit;
-use ostra_masks::RunMask;
+use ostra_masks::{LabelId, Prompt, RunMask};
 
 /// An edit with its inverse.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -69,6 +69,27 @@ impl Step {
             .rev()
             .map(|change| change.inverse.clone())
             .collect()
+    }
+
+    /// Returns the frame, label and prompt if the step is the answer to one prompt.
+    #[must_use]
+    pub fn answered_prompt(&self) -> Option<(usize, LabelId, &Prompt)> {
+        let mut answered = None;
+        for change in &self.changes {
+            match &change.edit {
+                Edit::SetPrompt {
+                    frame,
+                    label,
+                    prompt: Some(prompt),
+                } if answered.is_none() => answered = Some((*frame, *label, prompt)),
+                Edit::SetPrompt { .. } | Edit::SetLabel { .. } => return None,
+                Edit::SetMask { frame, .. } if answered.is_none_or(|(of, ..)| of != *frame) => {
+                    return None;
+                }
+                _ => {}
+            }
+        }
+        answered
     }
 
     /// Returns the approximate size of the step in memory and on disk, in bytes.

@@ -5,13 +5,15 @@
 //! [`PromptMeaning`], so that they agree.
 
 use anyhow::{Context, Result, ensure};
+use glam::DVec2;
 
 use crate::mask_edits::{by_hand, keyframe, label_name, mask_of};
 use crate::{Edit, FrameMask, Project, PromptRequest};
 use ostra_core::job::Progress;
+use ostra_frames::Image;
 use ostra_masks::{
-    Click, LabelAnswer, LabelId, LabelMask, LabelTree, PreparedFrame, Prompt, Region,
-    SegmentRequest, compose, erase, landmarks, taken_by_others,
+    AnswerSize, Click, LabelAnswer, LabelId, LabelMask, LabelTree, PreparedFrame, Prompt, PxBox,
+    Region, SegmentRequest, compose, erase, landmarks, obey, taken_by_others,
 };
 
 /// The meaning of a prompt on a frame, given the frame's mask, prompts and labels.
@@ -27,6 +29,8 @@ pub struct PromptMeaning {
     previous: Option<Region>,
     /// Questions in order. Each refines the answer to the one before, and the last answer counts.
     queries: Vec<SegmentQuery>,
+    /// Pixels of a mask that was not built from prompts, outside the boxes added to it.
+    kept: Option<Region>,
     /// Labels whose pixels the answer may take.
     yielding: Vec<LabelId>,
     of: PromptInputs,
@@ -72,19 +76,32 @@ impl PromptMeaning {
         let mask = mask_of(project, request.frame)?;
         let before = project.prompts.get(&(request.frame, request.label));
         let corrects = corrects(before, &mask, request);
-        let previous = refines(before, corrects, &request.prompt)
+        let mut asked = request.clone();
+        let (known_clicks, known_boxes) =
+            before.map_or((0, 0), |before| (before.clicks.len(), before.boxes.len()));
+        let adds_boxes = corrects && request.prompt.boxes.len() > known_boxes;
+        let mut kept = None;
+        if adds_boxes {
+            asked.prompt.boxes.drain(..known_boxes);
+            asked.prompt.clicks.drain(..known_clicks);
+            kept = outside(&mask.region(request.label), &asked.prompt.boxes);
+        }
+        let previous = (!adds_boxes && refines(before, corrects, &request.prompt))
             .then(|| mask.region(request.label))
             .filter(|region| region.area() > 0);
-        let clicks = request.prompt.clicks.len();
-        let first = if corrects {
+        let clicks = asked.prompt.clicks.len();
+        let first = if corrects && !adds_boxes {
             // If a mask gets several new clicks, each click is answered separately.
-            clicks.min(1 + before.map_or(0, |before| before.clicks.len()))
+            clicks.min(1 + known_clicks)
         } else {
             clicks
         };
-        let queries = (first..=clicks).map(|clicks| {
-            let mut request = request.clone();
-            request.prompt.clicks.truncate(clicks);
+        let queries = (first..=clicks).map(|count| {
+            let mut request = asked.clone();
+            request.prompt.clicks.truncate(count);
+            if count < clicks {
+                request.prompt.size = AnswerSize::Automatic;
+            }
             SegmentQuery {
                 taken: taken(project, &mask, &request),
                 prompt: Prompt {
@@ -102,6 +119,7 @@ impl PromptMeaning {
             },
             previous,
             queries: queries.collect(),
+            kept,
             yielding: giving_way(project, &mask, request),
             of: PromptInputs::of(project, request.frame),
             mask,
@@ -116,10 +134,17 @@ impl PromptMeaning {
 
     /// Segments the pixels that the prompt asks for, given everything else on the frame.
     ///
+    /// The answer obeys the last click, whatever the segmenter predicts. `image` is the frame's.
+    ///
     /// # Errors
     ///
-    /// Returns an error if the segmenter fails or is stopped.
-    pub fn segment(&self, ready: &dyn PreparedFrame, progress: &Progress) -> Result<Region> {
+    /// Returns an error if the segmenter fails or is stopped, or the image has another size.
+    pub fn segment(
+        &self,
+        ready: &dyn PreparedFrame,
+        image: &Image,
+        progress: &Progress,
+    ) -> Result<Region> {
         let mut answer = None;
         for query in &self.queries {
             let request = SegmentRequest {
@@ -129,7 +154,29 @@ impl PromptMeaning {
             };
             answer = Some(ready.segment(&request, progress)?);
         }
-        answer.context("the prompt is empty; add a click or a box")
+        let mut answer = answer.context("the prompt is empty; add a click or a box")?;
+        ensure!(
+            (answer.width, answer.height) == (image.width, image.height),
+            "the answer of the segmenter does not have the image's size"
+        );
+        if let Some(kept) = &self.kept {
+            answer.unite(kept);
+        }
+        let taken = self.queries.last().and_then(|query| query.taken.as_ref());
+        obey(&mut answer, &self.prompt.clicks, taken, image);
+        Ok(answer)
+    }
+
+    /// Returns whether pixels outside new boxes are kept, because they were not made by prompts.
+    #[must_use]
+    pub fn keeps_outside(&self) -> bool {
+        self.kept.is_some()
+    }
+
+    /// Returns the size of the answer.
+    #[must_use]
+    pub fn size(&self) -> AnswerSize {
+        self.prompt.size
     }
 
     /// Returns the frame's mask with an answer composed into it.
@@ -163,6 +210,65 @@ impl PromptMeaning {
         }];
         edits.extend(by_hand(project, self.frame, &mask));
         Ok(edits)
+    }
+
+    /// Returns why an answer changes no pixel of the frame's mask, or `None` if it changes some.
+    ///
+    /// `edits` are those of the answer.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if there is no such label.
+    pub fn why_unchanged(&self, project: &Project, edits: &[Edit]) -> Result<Option<String>> {
+        let is_change = |edit: &Edit| match edit {
+            Edit::SetMask {
+                mask: Some(mask), ..
+            } => mask.runs.decode() != self.mask,
+            _ => false,
+        };
+        if edits.iter().any(is_change) {
+            return Ok(None);
+        }
+        let newest = self.prompt.clicks.last().copied();
+        let clicked = newest.and_then(|click| {
+            let at = click.pixel_in(self.mask.width, self.mask.height)?;
+            Some((click.include, self.mask.ids[at]))
+        });
+        let Some((include, there)) = clicked else {
+            return Ok(Some(
+                "The box changed nothing; draw it around what is missing".to_owned(),
+            ));
+        };
+        let why = self.why_ineffective(project, include, there)?;
+        Ok(Some(format!("The click changed nothing: {why}")))
+    }
+
+    /// Returns why a click on a pixel of label `there` has no effect, and what to do.
+    fn why_ineffective(&self, project: &Project, include: bool, there: LabelId) -> Result<String> {
+        let own = label_name(project, self.label)?;
+        let is_part = project.labels.descendants(self.label).contains(&there);
+        if there != LabelId::NONE && project.locked_on(self.frame).contains(&there) {
+            let other = label_name(project, there)?;
+            return Ok(format!(
+                "'{other}' is locked on frame {}; unlock it there first",
+                self.frame
+            ));
+        }
+        if is_part {
+            let part = label_name(project, there)?;
+            return Ok(format!(
+                "this place belongs to '{part}', a part of '{own}'; select that label"
+            ));
+        }
+        Ok(match (include, there == self.label) {
+            (true, true) => format!(
+                "'{own}' is here already; click where it is missing, or make the frame a keyframe to confirm its mask"
+            ),
+            (false, false) => {
+                format!("'{own}' is not here; exclude a place that it covers by mistake")
+            }
+            _ => "try another place, or the brush".to_owned(),
+        })
     }
 }
 
@@ -215,15 +321,32 @@ fn refines(before: Option<&Prompt>, corrects: bool, prompt: &Prompt) -> bool {
     goes_on && (prompt.clicks.len() == before.clicks.len() + 1 || corrects)
 }
 
-/// Returns whether the clicks correct a mask that the label had on the frame before any of them.
+/// Returns whether the prompt corrects a mask that the label had on the frame before it.
+///
+/// Boxes may be added to such a mask as well as clicks.
 fn corrects(before: Option<&Prompt>, mask: &LabelMask, request: &PromptRequest) -> bool {
     let Prompt { clicks, boxes, .. } = &request.prompt;
     match before {
         Some(before) => {
-            before.corrects && *boxes == before.boxes && clicks.starts_with(&before.clicks)
+            before.corrects
+                && boxes.starts_with(&before.boxes)
+                && clicks.starts_with(&before.clicks)
         }
-        None => boxes.is_empty() && mask.ids.contains(&request.label),
+        None => mask.ids.contains(&request.label),
     }
+}
+
+/// Returns the pixels of a region outside all boxes, or `None` if there are none.
+fn outside(region: &Region, boxes: &[PxBox]) -> Option<Region> {
+    let mut region = region.clone();
+    let width = region.width as usize;
+    for (at, inside) in region.inside.iter_mut().enumerate() {
+        let centre = DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5);
+        *inside &= !boxes
+            .iter()
+            .any(|px_box| centre.cmpge(px_box.min_px).all() && centre.cmple(px_box.max_px).all());
+    }
+    (!region.is_empty()).then_some(region)
 }
 
 /// Returns the label's prompt with excluding clicks where other labels of the frame were clicked.

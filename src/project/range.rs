@@ -13,7 +13,7 @@ use crate::split::{Cut, split};
 use crate::{Edit, FrameMask, Marks, Project, RangeChange, RangeRequest};
 use ostra_core::job::Progress;
 use ostra_frames::FrameSet;
-use ostra_masks::{Click, LabelId, Prompt, RunMask, transfer};
+use ostra_masks::{AnswerSize, Click, LabelId, Prompt, RunMask, transfer};
 
 /// Returns whether a change reads so many masks that it should run on a worker thread.
 #[must_use]
@@ -259,6 +259,7 @@ fn merged_prompts(
         corrects,
         ..Prompt::default()
     });
+    prompt.size = AnswerSize::Automatic;
     let mut edits = Vec::new();
     for (label, other) in moved {
         prompt.clicks.extend(

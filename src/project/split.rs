@@ -6,7 +6,9 @@ use glam::DVec2;
 use crate::mask_edits::{changed, label_name};
 use crate::{Edit, FrameMask, Project, RangeRequest};
 use ostra_core::job::Progress;
-use ostra_masks::{Click, Connectivity, LabelId, Prompt, Region, RunMask, components, nearer_part};
+use ostra_masks::{
+    AnswerSize, Click, Connectivity, LabelId, Prompt, Region, RunMask, components, nearer_part,
+};
 
 /// The piece of a label that becomes another label.
 pub(crate) struct Cut {
@@ -164,6 +166,7 @@ fn moved_clicks(project: &Project, cut: &Cut, frame: usize, part: &Region) -> Ve
     }
     let kept = Prompt {
         clicks: kept,
+        size: AnswerSize::Automatic,
         ..given.clone()
     };
     let there = project.prompts.get(&(frame, cut.into)).cloned();
@@ -172,6 +175,7 @@ fn moved_clicks(project: &Project, cut: &Cut, frame: usize, part: &Region) -> Ve
         ..Prompt::default()
     });
     there.clicks.extend(moved);
+    there.size = AnswerSize::Automatic;
     let kept = (!kept.is_empty()).then_some(kept);
     vec![
         Edit::SetPrompt {

@@ -57,6 +57,15 @@ pub enum Event {
     Closed,
     /// The project changed.
     Changed,
+    /// A prompt changed no pixel, so that no step was made.
+    Unchanged {
+        /// Frame number.
+        frame: usize,
+        /// Label that was prompted.
+        label: LabelId,
+        /// Message in one line: why, and what to do.
+        text: String,
+    },
     /// The labelled cloud was loaded, made or removed.
     CloudChanged,
     /// The conflicts of masks with the cloud were computed.

@@ -14,6 +14,8 @@ mod generated_page;
 #[cfg(test)]
 mod accessibility;
 #[cfg(test)]
+mod answers;
+#[cfg(test)]
 mod book;
 #[cfg(test)]
 mod canvas;

@@ -23,6 +23,8 @@ mod attach;
 #[cfg(test)]
 mod book;
 #[cfg(test)]
+mod clicks;
+#[cfg(test)]
 mod command_line;
 #[cfg(test)]
 mod conflicts;

@@ -2,11 +2,12 @@ use std::sync::Arc;
 
 use egui::{Color32, FontId, Pos2, Rect, Response, Role, Sense, Stroke, Ui, Vec2, WidgetInfo};
 
+use super::answer_bar::answer_bar_ui;
 use super::draft::Tool;
 use super::input::{CanvasPointer, canvas_input};
 use super::map::CanvasMap;
 use super::paint;
-use super::prompts::with_click;
+use super::prompts::{id_at, with_click};
 use super::shown_image::{paint_image, paint_played_mask};
 use super::toolbar::toolbar_ui;
 use crate::action::Requests;
@@ -58,6 +59,7 @@ pub(crate) fn image_pane_ui(
     }
     follow_pointer(ui, &response, &map, session, view);
     draw(ui, session, view, textures, &map);
+    answer_bar_ui(ui, pane, session, view, &mut requests.commands);
     is_dragged
 }
 
@@ -78,7 +80,7 @@ fn pauses_playback(pointer: &CanvasPointer<'_>, view: &mut ViewState) -> bool {
 fn draw(
     ui: &Ui,
     session: &SessionView<'_>,
-    view: &ViewState,
+    view: &mut ViewState,
     textures: &mut Textures,
     map: &CanvasMap,
 ) {
@@ -114,14 +116,9 @@ fn draw(
     {
         paint::texture(&painter, map, textures.vote_mismatch(ui.ctx(), region).id());
     }
-    if let Some(mask) = session.hovered.filter(|_| view.hover_request.is_some()) {
-        paint::texture(
-            &painter,
-            map,
-            textures
-                .hovered(ui.ctx(), mask, &session.project.labels)
-                .id(),
-        );
+    if let (Some(mask), Some(request)) = (session.hovered, &view.hover_request) {
+        let color = paint::color_of(session, request.label);
+        view.preview.draw(&painter, map, mask, color);
     }
     let pointer = view.pointer_px.map(|at| map.to_screen(at));
     paint::prompts_and_draft(&painter, map, session, view, pointer);
@@ -266,7 +263,7 @@ fn follow_pointer(
 fn may_preview(ui: &Ui, session: &SessionView<'_>, view: &ViewState) -> bool {
     let busy = !session.jobs.is_empty()
         || view.draft.is_sending()
-        || ui.input(|input| input.pointer.any_down());
+        || ui.input(|input| input.pointer.any_down() || input.modifiers.command);
     view.prefs.hover_preview
         && view.masks_shown
         && view.tool == Tool::Click
@@ -285,6 +282,11 @@ fn hover_request_at(
     let label = view
         .label
         .filter(|&label| session.project.labels.get(label).is_some())?;
+    // A click there would change nothing.
+    let mask = session.project.masks.get(&view.frame);
+    if mask.is_some_and(|mask| id_at(&mask.runs, at_px) == label) {
+        return None;
+    }
     let click = Click {
         at_px,
         include: true,

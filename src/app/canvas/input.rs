@@ -1,10 +1,11 @@
-use egui::{Key, PointerButton, Pos2, Response, Ui};
+use egui::{Key, Modifiers, PointerButton, Pos2, Response, Ui};
 use glam::DVec2;
 
 use super::draft::{Stroke, Tool};
 use super::map::CanvasMap;
 use super::prompts::{
-    box_of, chosen_label, click_at, fill_polygon, hold_border, move_border, paint, trace_thin,
+    box_of, chosen_label, click_at, fill_polygon, hold_border, move_border, new_object_at, paint,
+    step_size, trace_thin,
 };
 use crate::pointer::{pointer_path, primary_ends};
 use crate::{SessionView, ViewState};
@@ -82,7 +83,7 @@ pub(super) fn canvas_input(
     view: &mut ViewState,
     out: &mut Vec<Command>,
 ) {
-    wheel(pointer, view);
+    wheel(pointer, session, view, out);
     if pan(pointer, view) {
         view.draft.drop_half_made();
         return;
@@ -95,15 +96,40 @@ pub(super) fn canvas_input(
     }
 }
 
-/// Handles the wheel: zooms at the pointer, or with Shift sets the brush size.
-fn wheel(pointer: &CanvasPointer<'_>, view: &mut ViewState) {
+/// Turn of the wheel that steps to another size of the answer, in screen points.
+const SIZE_STEP: f32 = 30.0;
+
+/// Handles the wheel: zooms at the pointer, with Shift sets the brush size, and with Alt the size
+/// of the answer to the last click.
+fn wheel(
+    pointer: &CanvasPointer<'_>,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    out: &mut Vec<Command>,
+) {
     let CanvasPointer { ui, response, map } = pointer;
     let Some(at) = response.hover_pos() else {
         return;
     };
-    let (scroll, pinch, shift) =
-        ui.input(|i| (i.smooth_scroll_delta(), i.zoom_delta(), i.modifiers.shift));
+    let (scroll, pinch, shift, alt) = ui.input(|i| {
+        let Modifiers { shift, alt, .. } = i.modifiers;
+        (i.smooth_scroll_delta(), i.zoom_delta(), shift, alt)
+    });
     let turn = scroll.x + scroll.y;
+    if alt && view.tool == Tool::Click {
+        // What is left of a step is dropped when the wheel stops.
+        view.answer.turn = if turn == 0.0 {
+            0.0
+        } else {
+            view.answer.turn + turn
+        };
+        if view.answer.turn.abs() >= SIZE_STEP {
+            step_size(session, view, view.answer.turn > 0.0, out);
+            view.answer.turn = 0.0;
+        }
+        return;
+    }
+    view.answer.turn = 0.0;
     if shift && matches!(view.tool, Tool::Brush | Tool::Eraser) {
         let size = view.prefs.brush_px * f64::from((turn / 200.0).exp());
         view.prefs.brush_px = size.clamp(0.5, 500.0);
@@ -133,11 +159,16 @@ fn click_tool(
     view: &mut ViewState,
     out: &mut Vec<Command>,
 ) {
-    let CanvasPointer { response, map, .. } = pointer;
+    let CanvasPointer { ui, response, map } = pointer;
     let at = pointer.position();
+    let is_new = ui.input(|i| i.modifiers.command);
     if response.clicked() || response.secondary_clicked() {
-        if let Some(at_px) = at.and_then(|at| map.inside(at)) {
-            click_at(session, view, at_px, response.clicked(), out);
+        match at.and_then(|at| map.inside(at)) {
+            Some(at_px) if is_new && response.clicked() => {
+                new_object_at(session, view, at_px, out);
+            }
+            Some(at_px) => click_at(session, view, at_px, response.clicked(), out),
+            None => {}
         }
         return;
     }
@@ -148,7 +179,7 @@ fn click_tool(
             view.draft.box_from = None;
             let (from, to) = (map.clamped(from), map.clamped(to));
             if (to - from).abs().min_element() >= 2.0 {
-                box_of(session, view, [from, to], out);
+                box_of(session, view, [from, to], is_new, out);
             }
         }
     }

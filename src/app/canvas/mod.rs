@@ -1,15 +1,19 @@
 //! Image pane: zoom and pan, mask overlay, and the tools for prompts and painting.
 
+mod answer_bar;
 mod draft;
 mod image_pane;
 mod input;
 mod map;
 mod paint;
+mod preview;
 mod prompts;
 mod shown_image;
 mod toolbar;
 
+pub use answer_bar::AnswerBar;
 pub use draft::{Draft, Tool};
 pub(super) use image_pane::image_pane_ui;
 pub use map::{CanvasMap, ZoomState};
-pub(super) use prompts::{clear_label, click_at, id_at};
+pub use preview::PreviewOutline;
+pub(super) use prompts::{clear_label, click_at, id_at, step_size};

@@ -160,7 +160,7 @@ pub(super) fn brush_circle(painter: &Painter, map: &CanvasMap, view: &ViewState,
     }
 }
 
-fn color_of(session: &SessionView<'_>, label: LabelId) -> Color32 {
+pub(super) fn color_of(session: &SessionView<'_>, label: LabelId) -> Color32 {
     let [r, g, b] = session
         .project
         .labels

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use glam::DVec2;
 
 use crate::{SessionView, ViewState};
-use ostra_masks::{Click, ElasticBorders, LabelId, Prompt, PxBox, RunMask};
+use ostra_masks::{AnswerSize, Click, ElasticBorders, LabelId, LabelTree, Prompt, PxBox, RunMask};
 use ostra_session::{Command, MoveBorderRequest, PaintRequest, PromptRequest, TraceRequest};
 
 use super::draft::{HeldBorder, Stroke};
@@ -33,23 +33,127 @@ pub(super) fn with_click(
 ) -> PromptRequest {
     let mut prompt = view.draft.prompt(session.project, view.frame, label);
     prompt.clicks.push(click);
+    prompt.size = AnswerSize::Automatic;
     request_of(view, label, prompt)
 }
 
-/// Adds a box to the selected label.
+/// Adds a label with the next name of the selected one and includes the object at a position.
+pub(super) fn new_object_at(
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    at_px: DVec2,
+    out: &mut Vec<Command>,
+) {
+    let label = new_label(session, view, out);
+    let click = Click {
+        at_px,
+        include: true,
+    };
+    let request = with_click(session, view, label, click);
+    send(view, request, out);
+}
+
+/// Adds a box to the selected label, or to a new one.
 pub(super) fn box_of(
     session: &SessionView<'_>,
     view: &mut ViewState,
     corners: [DVec2; 2],
+    is_new: bool,
     out: &mut Vec<Command>,
 ) {
     let [a, b] = corners;
-    if let Some(label) = chosen_label(session, view, out) {
+    let label = if is_new {
+        Some(new_label(session, view, out))
+    } else {
+        chosen_label(session, view, out)
+    };
+    if let Some(label) = label {
         let mut prompt = view.draft.prompt(session.project, view.frame, label);
         prompt.boxes.push(PxBox {
             min_px: a.min(b),
             max_px: a.max(b),
         });
+        prompt.size = AnswerSize::Automatic;
+        send(view, request_of(view, label, prompt), out);
+    }
+}
+
+/// Adds a label with the next name of the selected one, as its sibling, and selects it.
+fn new_label(session: &SessionView<'_>, view: &mut ViewState, out: &mut Vec<Command>) -> LabelId {
+    let tree = &session.project.labels;
+    let chosen = view.label.and_then(|label| tree.get(label));
+    let parent = chosen.and_then(|label| tree.get(label.parent?));
+    let id = tree.next_id();
+    out.push(Command::AddLabel {
+        name: next_name(tree, chosen.map_or("object", |label| &label.name)),
+        parent: parent.map(|parent| parent.name.clone()),
+        color: None,
+    });
+    view.label = Some(id);
+    id
+}
+
+/// Returns the first unused name with a number after that of `name`.
+fn next_name(tree: &LabelTree, name: &str) -> String {
+    let stem = name.trim_end_matches(|c: char| c.is_ascii_digit());
+    let number = name[stem.len()..].parse::<u64>().unwrap_or(1);
+    let stem = stem.trim_end();
+    (1..)
+        .map(|step| format!("{stem} {}", number.saturating_add(step)))
+        .find(|name| tree.by_name(name).is_none())
+        .unwrap_or_else(|| stem.to_owned())
+}
+
+/// The last answered click, whose answer can get another size.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct ResizableAnswer {
+    label: LabelId,
+    /// Size that was last asked for.
+    pub size: AnswerSize,
+}
+
+/// Returns the last answered click if it is on the shown frame.
+pub(crate) fn resized(session: &SessionView<'_>, view: &ViewState) -> Option<ResizableAnswer> {
+    let (_, label) = session
+        .last_prompt
+        .filter(|&(frame, _)| frame == view.frame)?;
+    let prompt = view.draft.prompt(session.project, view.frame, label);
+    Some(ResizableAnswer {
+        label,
+        size: prompt.size,
+    })
+}
+
+/// Asks for the next smaller or larger answer to the last click.
+pub(crate) fn step_size(
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    up: bool,
+    out: &mut Vec<Command>,
+) {
+    let Some(answer) = resized(session, view) else {
+        view.note = "Click on an object first; then its answer can be smaller or larger".into();
+        return;
+    };
+    match answer.size.stepped(up) {
+        Some(size) => set_size(session, view, size, out),
+        None => {
+            let end = if up { "largest" } else { "smallest" };
+            view.note = format!("This is the {end} answer to the last click");
+        }
+    }
+}
+
+/// Asks for an answer of a size to the last click.
+pub(super) fn set_size(
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    size: AnswerSize,
+    out: &mut Vec<Command>,
+) {
+    if let Some(ResizableAnswer { label, .. }) = resized(session, view) {
+        let mut prompt = view.draft.prompt(session.project, view.frame, label);
+        prompt.size = size;
         send(view, request_of(view, label, prompt), out);
     }
 }
@@ -204,7 +308,12 @@ pub(super) fn chosen_label(
     view: &mut ViewState,
     out: &mut Vec<Command>,
 ) -> Option<LabelId> {
-    let known = |label: &LabelId| session.project.labels.get(*label).is_some();
+    let labels = &session.project.labels;
+    let is_added = |label: LabelId| {
+        let is_add = |command: &Command| matches!(command, Command::AddLabel { .. });
+        label == labels.next_id() && out.iter().any(is_add)
+    };
+    let known = |label: &LabelId| labels.get(*label).is_some() || is_added(*label);
     if let Some(label) = view.label.filter(known) {
         return Some(label);
     }
@@ -250,6 +359,7 @@ fn request_of(view: &ViewState, label: LabelId, prompt: Prompt) -> PromptRequest
 }
 
 fn send(view: &mut ViewState, request: PromptRequest, out: &mut Vec<Command>) {
+    view.answer.forget();
     let sent = request.prompt.clone();
     view.draft.sent(request.frame, request.label, sent);
     out.push(Command::Prompt(request));
@@ -258,6 +368,23 @@ fn send(view: &mut ViewState, request: PromptRequest, out: &mut Vec<Command>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn next_name_counts_on_from_the_name_of_the_selected_label() {
+        let mut tree = LabelTree::default();
+        for (id, name) in [(1, "leaf"), (2, "leaf 3"), (3, "leaf 4"), (4, "object 1")] {
+            let label = ostra_masks::Label {
+                id: LabelId(id),
+                name: name.into(),
+                color: [0; 3],
+                parent: None,
+            };
+            tree.set(label).unwrap();
+        }
+        assert_eq!(next_name(&tree, "leaf"), "leaf 2");
+        assert_eq!(next_name(&tree, "leaf 3"), "leaf 5");
+        assert_eq!(next_name(&tree, "object 1"), "object 2");
+    }
 
     #[test]
     fn id_at_decodes_runs() {

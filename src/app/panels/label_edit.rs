@@ -33,15 +33,26 @@ pub(super) fn new_label_ui(
             .add(edit)
             .on_hover_text("Name of the new label; press Enter to add it")
             .accessible_name("New label name");
-        let entered = edit.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
+        // A name that was typed before the image is pressed is meant for what is drawn there.
+        let is_pane_pressed = ui.input(|i| {
+            let at = i.pointer.interact_pos().filter(|_| i.pointer.any_pressed());
+            at.is_some_and(|at| view.panes_rect.contains(at))
+        });
+        let entered =
+            edit.lost_focus() && (is_pane_pressed || ui.input(|i| i.key_pressed(Key::Enter)));
         let typed = !view.labels.new_name.trim().is_empty();
         let reason = (!typed).then_some("Type a name first");
         let tip = "Add the label and select it (Enter)";
         let add = add_explained(ui, egui::Button::new("Add"), tip, reason);
         if typed && (entered || add.clicked()) {
             let name = std::mem::take(&mut view.labels.new_name).trim().to_owned();
-            view.label = Some(session.project.labels.next_id());
             view.labels.parent = None;
+            let known = session.project.labels.by_name(&name);
+            if let Some(known) = known.filter(|_| is_pane_pressed) {
+                view.label = Some(known.id);
+                return;
+            }
+            view.label = Some(session.project.labels.next_id());
             out.push(Command::AddLabel {
                 name,
                 parent,

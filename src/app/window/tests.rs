@@ -1,6 +1,7 @@
 use std::fs;
 
 use super::*;
+use ostra_masks::LabelId;
 use ostra_project::review::Review;
 
 fn window() -> Window {
@@ -42,4 +43,20 @@ fn counts_of_a_closed_project_are_dropped() {
     window.take(Event::Closed);
     assert_eq!(window.shell.view.frames.review, Review::default());
     assert_ne!(window.revision, before, "and counted again");
+}
+
+#[test]
+fn prompt_without_effect_is_reported_until_something_changes() {
+    let mut window = window();
+    let text = "The click changed nothing: 'leaf' is here already";
+    window.take(Event::Unchanged {
+        frame: 0,
+        label: LabelId(1),
+        text: text.into(),
+    });
+    assert_eq!(window.shell.view.note, text);
+    let reported = |window: &Window| format!("{:?}", window.shell.view.answer).contains(text);
+    assert!(reported(&window));
+    window.take(Event::Changed);
+    assert!(!reported(&window));
 }

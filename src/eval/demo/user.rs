@@ -264,10 +264,16 @@ impl SimulatedUser {
             prompt,
             segmenter: SegmenterId::Builtin,
         }))?;
-        if self.ious(studio, frame)?.iter().sum::<f64>() >= before.iter().sum::<f64>() {
-            return Ok(true);
+        // A click that changes nothing makes no step.
+        let project = studio.session.project();
+        let stored = project.and_then(|project| project.prompts.get(&(frame, label)));
+        let is_taken = stored.is_some_and(|prompt| prompt.clicks.last() == Some(&click));
+        if is_taken {
+            if self.ious(studio, frame)?.iter().sum::<f64>() >= before.iter().sum::<f64>() {
+                return Ok(true);
+            }
+            studio.act(Command::Undo)?;
         }
-        studio.act(Command::Undo)?;
         if let Some(clicks) = self.given.get_mut(&(frame, label)) {
             clicks.pop();
         }

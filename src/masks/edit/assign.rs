@@ -83,7 +83,8 @@ pub struct LabelAnswer<'a> {
 ///
 /// The label's former pixels are cleared and the region is written. Pixels of other labels stay,
 /// unless the label is an ancestor of the answer's label (a part takes from its parent) or is named
-/// in `replaceable`. The pixel of an include click always gets the label.
+/// in `replaceable`. The pixel of an include click always gets the label, and the pixel of an exclude
+/// click loses it. Where clicks of both kinds share a pixel, the last one counts.
 ///
 /// # Errors
 /// [`MaskError::Request`] when the region and the mask differ in size.
@@ -105,13 +106,15 @@ pub fn compose(
             *at = if inside { label } else { LabelId::NONE };
         }
     }
-    for pixel in prompt
-        .clicks
-        .iter()
-        .filter(|click| click.include)
-        .filter_map(|click| click.pixel_in(mask.width, mask.height))
-    {
-        mask.ids[pixel] = label;
+    for click in &prompt.clicks {
+        let Some(pixel) = click.pixel_in(mask.width, mask.height) else {
+            continue;
+        };
+        if click.include {
+            mask.ids[pixel] = label;
+        } else if mask.ids[pixel] == label {
+            mask.ids[pixel] = LabelId::NONE;
+        }
     }
     Ok(())
 }
@@ -219,8 +222,13 @@ mod tests {
                     || before == LabelId(other)
                     || tree.is_ancestor(before, label);
                 prop_assert_eq!(taken.inside[at], !concerned);
-                let clicked = click.include && click.pixel_in(mask.width, mask.height) == Some(at);
-                let expected = if clicked || (region.inside[at] && concerned) {
+                let clicked = click.pixel_in(mask.width, mask.height) == Some(at);
+                let is_inside = region.inside[at] && concerned;
+                let expected = if clicked && click.include {
+                    label
+                } else if clicked && is_inside {
+                    LabelId::NONE
+                } else if is_inside {
                     label
                 } else if before == label {
                     LabelId::NONE

@@ -59,6 +59,21 @@ pub(super) struct Candidates {
     pub shared: Vec<Vec<f32>>,
 }
 
+impl Candidates {
+    /// Returns the area of each candidate, pixels of the reduced image.
+    pub fn areas(&self, context: &ClickContext<'_>) -> Vec<f32> {
+        let regions = &context.graph.regions;
+        let area = |candidate: &Candidate| {
+            let changed = regions.iter().zip(&candidate.change);
+            changed
+                .filter(|(_, change)| **change)
+                .map(|(region, _)| region.area)
+                .sum()
+        };
+        self.all.iter().map(area).collect()
+    }
+}
+
 /// Returns all distinct candidates, small discs first.
 pub(super) fn candidates(context: &ClickContext<'_>, options: &CandidateOptions) -> Candidates {
     let radii: Vec<f32> = std::iter::successors(Some(options.least_radius_px), |radius| {

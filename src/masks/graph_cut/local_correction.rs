@@ -70,40 +70,89 @@ const CLEAR: f32 = 3.0;
 /// Log odds of pixels whose side is certain.
 const CERTAIN: f32 = 1e3;
 
-/// Returns `previous` with the one error corrected that the last of `clicks` marks.
+/// Depth of a click that marks a leak: distance from the nearest pixel outside, reduced pixels.
 ///
-/// Only `taken` is removed if the clicked pixel is taken or on the click's side already. Pixels in
-/// `taken` and pixels fixed by earlier opposite clicks do not change. `factor` is the scale of
-/// `image` relative to the reduced image; all lengths are multiplied by it.
-///
-/// Returns `None` if no pixel near the click is on its side, or if there is no click in the image.
-/// In the first case, the click then marks a separate part rather than an error of the mask's
-/// border.
-pub(super) fn corrected(
-    image: &Image,
-    factor: usize,
-    previous: &Region,
-    clicks: &[Click],
-    taken: Option<&Region>,
-) -> Option<Region> {
-    let (click, earlier) = clicks.split_last()?;
-    let at = click.pixel_in(image.width, image.height)?;
-    let mut answer = previous.clone();
-    if let Some(taken) = taken {
-        answer.subtract(taken);
-    }
-    if answer.inside[at] != click.include && !taken.is_some_and(|taken| taken.inside[at]) {
-        let correction = CorrectionClick {
-            mask: &answer,
-            click,
-            earlier,
-            taken,
+/// It is the largest depth of a local correction. Users click in the middle of an error, so this
+/// error is thicker than any local correction.
+const LEAK_DEPTH_PX: f64 = 8.0;
+/// Distance within which a further exclude click is local again, pixels of the reduced image.
+const SECOND_CLICK_PX: f64 = 40.0;
+/// Ratio of the depths of a local correction and the next larger one.
+const DEPTH_RATIO: f32 = 0.6;
+
+/// A mask to be corrected, with clicks of which the last is new.
+#[derive(Clone, Copy)]
+pub(super) struct Correction<'a> {
+    pub image: &'a Image,
+    /// Scale of the image relative to the reduced image; all lengths are multiplied by it.
+    pub factor: usize,
+    pub mask: &'a Region,
+    pub clicks: &'a [Click],
+    /// Pixels that may not change.
+    pub taken: Option<&'a Region>,
+}
+
+impl Correction<'_> {
+    /// Returns whether the last click marks a whole wrong region of the mask.
+    ///
+    /// This is so for an exclude click deep in the mask, unless an earlier one is near it.
+    pub fn marks_leak(&self) -> bool {
+        let Some((click, earlier)) = self.clicks.split_last() else {
+            return false;
         };
-        for at in Site::new(image, factor as f32, &correction)?.change() {
-            answer.inside[at] = click.include;
+        let unit = self.factor as f64;
+        let is_taken = |other: &Click| {
+            let pixel = other.pixel_in(self.mask.width, self.mask.height);
+            pixel.is_none_or(|at| self.taken.is_some_and(|taken| taken.inside[at]))
+        };
+        // Exclude clicks on pixels of other labels stand for those labels.
+        let is_second = earlier.iter().any(|other| {
+            !other.include
+                && other.at_px.distance(click.at_px) <= SECOND_CLICK_PX * unit
+                && !is_taken(other)
+        });
+        if click.include || is_second {
+            return false;
         }
+        let reach_px = LEAK_DEPTH_PX * unit;
+        let width = self.image.width as usize;
+        let centre = |at: usize| DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5);
+        window_around(click.at_px, reach_px, self.image)
+            .places(width)
+            .all(|at| self.mask.inside[at] || centre(at).distance(click.at_px) > reach_px)
     }
-    Some(answer)
+
+    /// Returns the mask with the one error corrected that the last click marks.
+    ///
+    /// Only `taken` is removed if the clicked pixel is taken or on the click's side already. Pixels
+    /// in `taken` and pixels fixed by earlier opposite clicks do not change. The correction gets
+    /// larger with `step`; 0 is the usual one.
+    ///
+    /// Returns `None` if no pixel near the click is on its side, or if there is no click in the
+    /// image. In the first case, the click then marks a separate part rather than an error of the
+    /// mask's border.
+    pub fn local(&self, step: i32) -> Option<Region> {
+        let Self { image, taken, .. } = *self;
+        let (click, earlier) = self.clicks.split_last()?;
+        let at = click.pixel_in(image.width, image.height)?;
+        let mut answer = self.mask.clone();
+        if let Some(taken) = taken {
+            answer.subtract(taken);
+        }
+        if answer.inside[at] != click.include && !taken.is_some_and(|taken| taken.inside[at]) {
+            let correction = CorrectionClick {
+                mask: &answer,
+                click,
+                earlier,
+                taken,
+                depth_scale: DEPTH_RATIO.powi(-step),
+            };
+            for at in Site::new(image, self.factor as f32, &correction)?.change() {
+                answer.inside[at] = click.include;
+            }
+        }
+        Some(answer)
+    }
 }
 
 /// A click on a mask, with the state it is applied to.
@@ -114,6 +163,8 @@ struct CorrectionClick<'a> {
     earlier: &'a [Click],
     /// Pixels that may not change.
     taken: Option<&'a Region>,
+    /// Factor of the click's depth, which the size of the change depends on.
+    depth_scale: f32,
 }
 
 /// The surroundings of a click. All vectors have one entry per pixel of the window, row by row.
@@ -154,6 +205,7 @@ impl Site {
             click,
             earlier,
             taken,
+            depth_scale,
         } = *correction;
         let width = image.width as usize;
         let reach_px = f64::from(OPTIONS.reach_px * unit_px);
@@ -201,7 +253,7 @@ impl Site {
             + click.at_px.x as usize
             - window.left;
         let (least, most) = OPTIONS.depth_px;
-        let depth_px = to_own[clicked].clamp(least * unit_px, most * unit_px);
+        let depth_px = depth_scale * to_own[clicked].clamp(least * unit_px, most * unit_px);
         let in_depths = |all: Vec<f32>| all.into_iter().map(|px| px / depth_px).collect();
         Some(Self {
             lab: places

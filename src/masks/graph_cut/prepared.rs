@@ -7,10 +7,10 @@ use super::box_prompt::{BoxOptions, object_in_box};
 use super::candidates::{CandidateOptions, candidates};
 use super::click_context::ClickContext;
 use super::graph::RegionGraph;
-use super::local_correction::corrected;
-use super::ranking::{WEIGHTS, best, kind_of, terms};
+use super::local_correction::Correction;
+use super::ranking::{RankedCandidates, WEIGHTS, kind_of, terms};
 use super::raster::Raster;
-use crate::{Click, MaskError, PreparedFrame, PxBox, Region, SegmentRequest};
+use crate::{AnswerSize, Click, MaskError, PreparedFrame, Prompt, PxBox, Region, SegmentRequest};
 use ostra_core::job::Progress;
 use ostra_frames::Image;
 
@@ -36,20 +36,22 @@ impl PreparedFrame for Prepared {
             taken,
         } = *request;
         // If there is a previous answer, only the last click is new.
-        if let (Some(previous), Some(last)) = (previous, prompt.clicks.len().checked_sub(1)) {
-            let flat = self.flat.as_ref().filter(|_| prompt.corrects);
-            let corrected = flat.and_then(|image| {
-                corrected(image, self.raster.factor, previous, &prompt.clicks, taken)
+        if let Some(previous) = previous.filter(|_| !prompt.clicks.is_empty()) {
+            return Ok(match self.flat.as_ref().filter(|_| prompt.corrects) {
+                Some(image) => self.corrected(image, previous, prompt, taken),
+                None => self.refined(previous, &prompt.clicks, prompt.size, taken),
             });
-            return Ok(
-                corrected.unwrap_or_else(|| self.refined(previous, &prompt.clicks, last, taken))
-            );
         }
         let mut boxed = RegionQuery::new(self, taken);
         boxed.add_boxes(&prompt.boxes);
-        let clicks = 0..prompt.clicks.len();
-        Ok(clicks.fold(boxed.answer(), |answer, at| {
-            self.refined(&answer, &prompt.clicks, at, taken)
+        let count = prompt.clicks.len();
+        Ok((1..=count).fold(boxed.answer(), |answer, clicks| {
+            let size = if clicks == count {
+                prompt.size
+            } else {
+                AnswerSize::Automatic
+            };
+            self.refined(&answer, &prompt.clicks[..clicks], size, taken)
         }))
     }
 
@@ -63,22 +65,54 @@ impl PreparedFrame for Prepared {
 }
 
 impl Prepared {
-    /// Refines `previous`, the answer to the clicks before `at`, by the click at `at`.
+    /// Corrects `previous`, a mask that was not built from clicks, by the last click.
     ///
-    /// Later clicks are ignored.
+    /// The sizes of the answer are local corrections of growing depth, then changes of whole
+    /// regions. The automatic one is the largest local correction, or the first change of regions
+    /// if the click marks a leak.
+    fn corrected(
+        &self,
+        image: &Image,
+        previous: &Region,
+        prompt: &Prompt,
+        taken: Option<&Region>,
+    ) -> Region {
+        let correction = Correction {
+            image,
+            factor: self.raster.factor,
+            mask: previous,
+            clicks: &prompt.clicks,
+            taken,
+        };
+        let first_of_regions = i32::from(!correction.marks_leak());
+        let step = prompt.size.steps() - first_of_regions;
+        let local = (step < 0).then(|| correction.local(step + 1)).flatten();
+        local.unwrap_or_else(|| {
+            let size = match step {
+                ..=0 => AnswerSize::Automatic,
+                1 => AnswerSize::Larger,
+                _ => AnswerSize::Largest,
+            };
+            self.refined(previous, &prompt.clicks, size, taken)
+        })
+    }
+
+    /// Refines `previous`, the answer to all clicks but the last, by the last click.
     fn refined(
         &self,
         previous: &Region,
         clicks: &[Click],
-        at: usize,
+        size: AnswerSize,
         taken: Option<&Region>,
     ) -> Region {
         let mut query = RegionQuery::new(self, taken);
         query.start_from(previous);
-        clicks[..at]
-            .iter()
-            .for_each(|click| query.add_known_click(click));
-        query.add_click(&clicks[at]);
+        if let Some((last, earlier)) = clicks.split_last() {
+            earlier
+                .iter()
+                .for_each(|click| query.add_known_click(click));
+            query.add_click(last, size);
+        }
         query.answer()
     }
 
@@ -207,9 +241,10 @@ impl<'a> RegionQuery<'a> {
     }
 
     /// Applies a new click: changes the answer around it if the answer contradicts it.
-    pub fn add_click(&mut self, click: &Click) {
+    pub fn add_click(&mut self, click: &Click, size: AnswerSize) {
         self.note_new_click(click);
-        if let Some(change) = self.context().and_then(|context| chosen(&context)) {
+        let change = self.context().and_then(|context| chosen(&context, size));
+        if let Some(change) = change {
             self.apply(&change, click.include);
         }
     }
@@ -315,14 +350,19 @@ impl<'a> RegionQuery<'a> {
     }
 }
 
-/// Returns the change that the click most likely means.
-fn chosen(context: &ClickContext<'_>) -> Option<Vec<bool>> {
+/// Returns the change that the click most likely means, or one of another size.
+fn chosen(context: &ClickContext<'_>, size: AnswerSize) -> Option<Vec<bool>> {
     let mut found = candidates(context, &CandidateOptions::default());
     let terms: Vec<_> = found
         .all
         .iter()
         .map(|candidate| terms(&candidate.features))
         .collect();
-    let best = best(&WEIGHTS, kind_of(context), &terms, &found.shared)?;
+    let ranked = RankedCandidates {
+        kind: kind_of(context),
+        terms: &terms,
+        shared: &found.shared,
+    };
+    let best = ranked.best_of_size(&WEIGHTS, &found.areas(context), size)?;
     Some(found.all.swap_remove(best).change)
 }

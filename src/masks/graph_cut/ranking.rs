@@ -2,6 +2,8 @@
 
 use super::candidate_features::{CandidateFeatures, FEATURES};
 use super::click_context::ClickContext;
+use crate::AnswerSize;
+use crate::answer_size::sized;
 
 /// Features whose squares are terms as well, scaled by [`SQUARE_SCALE`].
 const SQUARED: [usize; 5] = [1, 2, 3, 9, 12];
@@ -102,6 +104,38 @@ pub fn best(
     };
     let scores: Vec<f32> = terms.iter().map(score).collect();
     expected_best(&scores, shared)
+}
+
+/// The candidates of a click, as they are ranked.
+pub(super) struct RankedCandidates<'a> {
+    pub kind: ClickKind,
+    /// Terms of the score, per candidate.
+    pub terms: &'a [[f32; TERMS]],
+    /// IoU of every two candidates.
+    pub shared: &'a [Vec<f32>],
+}
+
+impl RankedCandidates<'_> {
+    /// Returns the best candidate of a size; `areas` has the area of each candidate.
+    ///
+    /// Returns `None` if there is no candidate.
+    pub fn best_of_size(
+        &self,
+        weights: &Weights,
+        areas: &[f32],
+        size: AnswerSize,
+    ) -> Option<usize> {
+        let automatic = best(weights, self.kind, self.terms, self.shared)?;
+        let best_among = |left: &[usize]| {
+            let terms: Vec<_> = left.iter().map(|&at| self.terms[at]).collect();
+            let shared: Vec<Vec<f32>> = left
+                .iter()
+                .map(|&a| left.iter().map(|&b| self.shared[a][b]).collect())
+                .collect();
+            best(weights, self.kind, &terms, &shared).map(|at| left[at])
+        };
+        Some(sized(areas, automatic, size, best_among))
+    }
 }
 
 /// Returns the row of `shared` with the largest mean, weighted by softmax of the scores.

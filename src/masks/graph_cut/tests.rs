@@ -1,3 +1,5 @@
+mod leaks;
+
 use std::sync::Arc;
 
 use glam::DVec2;

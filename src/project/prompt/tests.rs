@@ -47,6 +47,17 @@ impl PreparedFrame for RowSegmenter {
     }
 }
 
+/// Segments on an image of one colour.
+fn segment(meaning: &PromptMeaning, segmenter: &RowSegmenter) -> Region {
+    let image = Image {
+        width: 4,
+        height: 3,
+        pixels: vec![[90; 3]; 12],
+    };
+    let answer = meaning.segment(segmenter, &image, &Progress::default());
+    answer.unwrap()
+}
+
 fn with_mask(ids: [u16; 3]) -> Project {
     let mut project = project();
     let edit = Edit::SetMask {
@@ -79,7 +90,7 @@ fn each_new_click_on_a_mask_refines_the_previous_answer() {
     let request = request(LEAF, &[(0.5, 1.5, true), (0.5, 2.5, true)]);
     let meaning = PromptMeaning::new(&project, &request).unwrap();
     let segmenter = RowSegmenter::default();
-    let region = meaning.segment(&segmenter, &Progress::default()).unwrap();
+    let region = segment(&meaning, &segmenter);
     let requested = segmenter.requested.into_inner().unwrap();
     assert_eq!(requested.len(), 2);
     assert!(requested.iter().all(|requested| requested.prompt.corrects));
@@ -111,7 +122,7 @@ fn label_under_the_newest_click_gives_way_if_the_click_includes() {
         let request = request(LEAF, &[(0.5, 0.5, true), (0.5, 1.5, include)]);
         let meaning = PromptMeaning::new(&project, &request).unwrap();
         let segmenter = RowSegmenter::default();
-        let region = meaning.segment(&segmenter, &Progress::default()).unwrap();
+        let region = segment(&meaning, &segmenter);
         let requested = segmenter.requested.into_inner().unwrap();
         let mask = meaning.compose(&project, &region).unwrap();
         (
@@ -151,7 +162,7 @@ fn preview_and_click_ask_the_same_and_change_the_same_pixels() {
     let answer = || {
         let meaning = PromptMeaning::new(&project, &request).unwrap();
         let segmenter = RowSegmenter::default();
-        let region = meaning.segment(&segmenter, &Progress::default()).unwrap();
+        let region = segment(&meaning, &segmenter);
         (meaning, region)
     };
     let (_, preview) = answer();

@@ -77,6 +77,7 @@ impl Session {
             self.start("Add found objects", JobKind::Short, move |context| {
                 let ready = prepared.get(segmenter.as_ref(), &frame, &store, &context.progress)?;
                 context.progress.stage("segment")?;
+                let image = store.image(&frame)?;
                 let mut next = Project::clone(&project);
                 let mut edits = Vec::new();
                 for (done, (phrase, extent)) in request.things.iter().enumerate() {
@@ -99,7 +100,7 @@ impl Session {
                         segmenter: request.segmenter,
                     };
                     let meaning = PromptMeaning::new(&next, &of)?;
-                    let region = meaning.segment(ready.as_ref(), &context.progress)?;
+                    let region = meaning.segment(ready.as_ref(), &image, &context.progress)?;
                     let mask = meaning.compose(&next, &region)?;
                     let mut masks = by_hand(&next, request.frame, &mask);
                     masks.push(Edit::SetPrompt {

@@ -42,7 +42,8 @@ pub(crate) fn preview_prompt(
         .get(segmenter, frame, &tools.store, progress)
         .ok()?;
     let meaning = PromptMeaning::new(project, request).ok()?;
-    let region = meaning.segment(ready.as_ref(), progress).ok()?;
+    let image = tools.store.image(frame).ok()?;
+    let region = meaning.segment(ready.as_ref(), &image, progress).ok()?;
     let id = |&inside: &bool| if inside { request.label } else { LabelId::NONE };
     let ids = region.inside.iter().map(id).collect();
     Some(Arc::new(RunMask::encode(&LabelMask {

@@ -1,3 +1,4 @@
+mod clicks;
 mod painting;
 
 use std::ops::ControlFlow;

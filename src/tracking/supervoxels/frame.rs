@@ -12,7 +12,7 @@ use ostra_cloud::SceneError;
 use ostra_core::job::Progress;
 use ostra_frames::Image;
 use ostra_masks::{
-    Click, MaskError, PreparedFrame, Prompt, Region, SegmentRequest, squared_depth_in,
+    AnswerSize, Click, MaskError, PreparedFrame, Prompt, Region, SegmentRequest, squared_depth_in,
 };
 
 /// Maximum distance between a click and the surface it selects, in pixels.
@@ -263,6 +263,11 @@ impl PreparedFrame for FrameBodies {
         else {
             return self.prepared.segment(request, progress);
         };
+        if prompt.size != AnswerSize::Automatic {
+            return Err(MaskError::Request(
+                "geometry has a single answer to a click; choose another segmenter for a smaller or larger one".into(),
+            ));
+        }
         let before = previous.and_then(|previous| {
             let (_, clicks) = prompt.clicks.split_last()?;
             Some((previous, self.solid(clicks)?))

@@ -327,7 +327,8 @@ impl<'a> RobotUser<'a> {
             &self.setup.sequence.store,
             self.setup.progress,
         )?;
-        let region = meaning.segment(ready.as_ref(), self.setup.progress)?;
+        let image = self.setup.sequence.store.image(of)?;
+        let region = meaning.segment(ready.as_ref(), &image, self.setup.progress)?;
         for edit in meaning.edits(&self.project, &region)? {
             self.project.apply(edit)?;
         }

@@ -80,6 +80,7 @@ impl PreparedFrame for CloseUps {
         let prompt = Prompt {
             clicks: shown,
             boxes: request.prompt.boxes.clone(),
+            size: request.prompt.size,
             ..Prompt::default()
         };
         let mut region = frame.segment(

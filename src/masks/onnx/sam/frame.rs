@@ -10,7 +10,8 @@ use super::decoder::{
 use super::embedding::{Embedding, EmbeddingMap};
 use super::mask_logits::enlarged;
 use super::part::{Canvas, ImagePart};
-use crate::{Click, MaskError, PxBox, Region};
+use crate::answer_size::sized;
+use crate::{AnswerSize, Click, MaskError, PxBox, Region};
 use ostra_compute::nn::{Dialect, Tensor};
 
 /// An image, or a part of one, that answers prompts with runs of the decoder alone.
@@ -35,6 +36,7 @@ pub struct SamFrame {
 struct AnswerKey {
     prompt: DecoderPrompt,
     before: Option<Arc<MaskPrediction>>,
+    size: AnswerSize,
 }
 
 /// Maximum number of cached answers.
@@ -108,11 +110,13 @@ impl SamFrame {
     ///
     /// A single click is ambiguous, so the one of its three masks with the highest predicted IoU is
     /// taken. For more prompts, the mask for clear prompts is taken, if the network gives one.
+    /// `size` chooses another one of the masks.
     pub(super) fn ask(
         &self,
         clicks: &[Click],
         within: Option<&PxBox>,
         before: Option<&Arc<MaskPrediction>>,
+        size: AnswerSize,
     ) -> Result<Arc<MaskPrediction>, MaskError> {
         let prompt = self.decoder_prompt(clicks, within);
         let is_same = |key: &AnswerKey| {
@@ -120,7 +124,7 @@ impl SamFrame {
                 (Some(a), Some(b)) => Arc::ptr_eq(a, b),
                 (a, b) => a.is_none() && b.is_none(),
             };
-            same_before && key.prompt == prompt
+            same_before && key.prompt == prompt && key.size == size
         };
         let known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, answer)) = known.iter().find(|(key, _)| is_same(key)) {
@@ -129,7 +133,7 @@ impl SamFrame {
         drop(known);
         let answer = Arc::new(match self.decoder.dialect() {
             Dialect::EfficientSam => {
-                self.ask_include_only(clicks, within, before.map(|before| &**before))?
+                self.ask_include_only(clicks, within, before.map(|before| &**before), size)?
             }
             _ => {
                 let is_ambiguous = clicks.len() == 1 && within.is_none() && before.is_none();
@@ -137,6 +141,7 @@ impl SamFrame {
                 chosen(
                     self.decoder.run(&self.embedding, &prompt, logits)?,
                     is_ambiguous,
+                    size,
                 )?
             }
         });
@@ -145,6 +150,7 @@ impl SamFrame {
             AnswerKey {
                 prompt,
                 before: before.cloned(),
+                size,
             },
             Arc::clone(&answer),
         ));
@@ -236,20 +242,35 @@ pub(super) fn bytes_of(decoder: &Decoder) -> usize {
 
 /// Returns the mask for a clear prompt, or the best one for an ambiguous prompt.
 ///
-/// If the network gives only one kind, that kind is used.
+/// If the network gives only one kind, that kind is used. For another size than the automatic one,
+/// masks of both kinds count.
 fn chosen(
     CandidateMasks { clear, mut others }: CandidateMasks,
     is_ambiguous: bool,
+    size: AnswerSize,
 ) -> Result<MaskPrediction, MaskError> {
     // Stable sort: the first of equal scores is taken.
     others.sort_by(|a, b| b.score.total_cmp(&a.score));
-    let surest = others.into_iter().next();
-    let answer = if is_ambiguous {
-        surest.or(clear)
-    } else {
-        clear.or(surest)
-    };
-    answer.ok_or_else(|| MaskError::Network("the network gives no mask".into()))
+    let mut all = others;
+    let at = if is_ambiguous { all.len() } else { 0 };
+    all.splice(at..at, clear);
+    // Masks are in the order of preference.
+    of_size(all, size, |left| left.first().copied())
+}
+
+/// Returns the mask of a size; the first one is that of the automatic size.
+fn of_size(
+    mut masks: Vec<MaskPrediction>,
+    size: AnswerSize,
+    best: impl Fn(&[usize]) -> Option<usize>,
+) -> Result<MaskPrediction, MaskError> {
+    if masks.is_empty() {
+        return Err(MaskError::Network("the network gives no mask".into()));
+    }
+    let area = |mask: &MaskPrediction| mask.logits.iter().filter(|&&logit| logit > 0.0).count();
+    let areas: Vec<f32> = masks.iter().map(|mask| area(mask) as f32).collect();
+    let at = sized(&areas, 0, size, best);
+    Ok(masks.swap_remove(at))
 }
 
 impl SamFrame {
@@ -263,6 +284,7 @@ impl SamFrame {
         clicks: &[Click],
         within: Option<&PxBox>,
         before: Option<&MaskPrediction>,
+        size: AnswerSize,
     ) -> Result<MaskPrediction, MaskError> {
         let holds_all = |answer: &&MaskPrediction| {
             self.matched_clicks(answer, clicks, true) == includes(clicks).count()
@@ -271,8 +293,8 @@ impl SamFrame {
             Some(before) => vec![before.clone()],
             None => self.masks(clicks, within)?.others,
         };
-        let none = || MaskError::Network("the network gives no mask".into());
-        let mut answer = self.best_match(found, clicks).ok_or_else(none)?;
+        let found = self.by_match(found, clicks);
+        let mut answer = of_size(found, size, |left| left.first().copied())?;
         for click in clicks.iter().filter(|click| !click.include) {
             if self.logit_at(&answer, click) > 0.0
                 && let Some(other) = self.excluded(click, clicks, &answer)?
@@ -284,20 +306,21 @@ impl SamFrame {
         Ok(answer)
     }
 
-    /// Returns the mask that satisfies the most include clicks.
+    /// Returns the masks by the number of satisfied include clicks, most first.
     ///
     /// Ties are broken by the number of satisfied exclude clicks, then by score.
-    fn best_match(&self, found: Vec<MaskPrediction>, clicks: &[Click]) -> Option<MaskPrediction> {
-        let ranked = found.into_iter().map(|answer| {
-            (
-                [true, false].map(|kind| self.matched_clicks(&answer, clicks, kind)),
-                answer,
-            )
-        });
-        let better = |a: &([usize; 2], MaskPrediction), b: &([usize; 2], MaskPrediction)| {
-            b.0.cmp(&a.0).then(b.1.score.total_cmp(&a.1.score))
-        };
-        ranked.min_by(better).map(|(_, answer)| answer)
+    fn by_match(&self, found: Vec<MaskPrediction>, clicks: &[Click]) -> Vec<MaskPrediction> {
+        let mut ranked: Vec<([usize; 2], MaskPrediction)> = found
+            .into_iter()
+            .map(|answer| {
+                (
+                    [true, false].map(|kind| self.matched_clicks(&answer, clicks, kind)),
+                    answer,
+                )
+            })
+            .collect();
+        ranked.sort_by(|a, b| b.0.cmp(&a.0).then(b.1.score.total_cmp(&a.1.score)));
+        ranked.into_iter().map(|(_, answer)| answer).collect()
     }
 
     /// Returns how many clicks of a kind an answer satisfies.
@@ -332,7 +355,7 @@ impl SamFrame {
             let taken = inside.clone().filter(|(_, other)| **other > 0.0).count();
             is_in(&at) && !includes(clicks).any(is_in) && 2 * taken <= inside.count()
         });
-        Ok(self.best_match(found, &[at]))
+        Ok(self.by_match(found, &[at]).into_iter().next())
     }
 }
 

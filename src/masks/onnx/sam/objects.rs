@@ -8,7 +8,7 @@ use std::sync::Arc;
 use super::decoder::MaskPrediction;
 use super::frame::SamFrame;
 use super::mask_logits::hint;
-use crate::{Click, Connectivity, MaskError, PxBox, Region, components, deepest_point};
+use crate::{AnswerSize, Click, Connectivity, MaskError, PxBox, Region, components, deepest_point};
 
 /// The objects of one label.
 pub(super) struct Objects<'a> {
@@ -36,8 +36,13 @@ const ROUNDS: usize = 2;
 impl<'a> Objects<'a> {
     /// Builds the objects of boxes and clicks.
     ///
-    /// Clicks are applied one by one, in the order given.
-    pub fn of(frame: &'a SamFrame, boxes: &[PxBox], clicks: &[Click]) -> Result<Self, MaskError> {
+    /// Clicks are applied one by one, in the order given; `size` is that of the last one's answer.
+    pub fn of(
+        frame: &'a SamFrame,
+        boxes: &[PxBox],
+        clicks: &[Click],
+        size: AnswerSize,
+    ) -> Result<Self, MaskError> {
         let (width, height) = frame.size();
         let mut found = Self {
             frame,
@@ -46,7 +51,7 @@ impl<'a> Objects<'a> {
             kept: Region::empty(width, height),
         };
         for within in boxes {
-            let answer = frame.ask(&[], Some(within), None)?;
+            let answer = frame.ask(&[], Some(within), None, AnswerSize::Automatic)?;
             found.objects.push(PromptedObject {
                 within: Some(*within),
                 clicks: Vec::new(),
@@ -54,7 +59,12 @@ impl<'a> Objects<'a> {
                 given: None,
             });
         }
-        clicks.iter().try_for_each(|click| found.add(click))?;
+        if let Some((last, earlier)) = clicks.split_last() {
+            for click in earlier {
+                found.add(click, AnswerSize::Automatic)?;
+            }
+            found.add(last, size)?;
+        }
         Ok(found)
     }
 
@@ -126,28 +136,29 @@ impl<'a> Objects<'a> {
         own.iou(mask) >= SAME_IOU
     }
 
-    /// Applies one more click.
-    pub fn add(&mut self, click: &Click) -> Result<(), MaskError> {
+    /// Applies one more click, with an answer of a size.
+    pub fn add(&mut self, click: &Click, size: AnswerSize) -> Result<(), MaskError> {
         if click.include {
-            self.include(click)?;
+            self.include(click, size)?;
+            self.refine_by_excludes(AnswerSize::Automatic)
         } else {
             self.excludes.push(*click);
+            self.refine_by_excludes(size.reversed())
         }
-        self.refine_by_excludes()
     }
 
-    fn include(&mut self, click: &Click) -> Result<(), MaskError> {
+    fn include(&mut self, click: &Click, size: AnswerSize) -> Result<(), MaskError> {
         let boxed = self.smallest_box(click);
         if let Some(at) = boxed.or_else(|| self.holding(click)) {
             return if self.objects[at].given.is_some() {
                 Ok(())
             } else {
-                self.refine(at, click)
+                self.refine(at, click, size)
             };
         }
-        let alone = self.frame.ask(&[*click], None, None)?;
+        let alone = self.frame.ask(&[*click], None, None, size)?;
         match self.touched_by(&alone) {
-            Some(at) => self.refine(at, click),
+            Some(at) => self.refine(at, click, size),
             None => {
                 self.objects.push(PromptedObject {
                     within: None,
@@ -161,12 +172,15 @@ impl<'a> Objects<'a> {
     }
 
     /// Refines the answer of an object with one more click.
-    fn refine(&mut self, at: usize, click: &Click) -> Result<(), MaskError> {
+    fn refine(&mut self, at: usize, click: &Click, size: AnswerSize) -> Result<(), MaskError> {
         let object = &mut self.objects[at];
         object.clicks.push(*click);
-        object.answer =
-            self.frame
-                .ask(&object.clicks, object.within.as_ref(), Some(&object.answer))?;
+        object.answer = self.frame.ask(
+            &object.clicks,
+            object.within.as_ref(),
+            Some(&object.answer),
+            size,
+        )?;
         if let Some(mut given) = object.given.take() {
             // The answer does not extend to pixels outside the part that the network sees.
             given.subtract(&self.frame.part().region(given.width, given.height));
@@ -177,15 +191,19 @@ impl<'a> Objects<'a> {
 
     /// Adds exclude clicks to the objects whose answers cover them.
     ///
-    /// Clicks elsewhere, including those of other labels, are satisfied already.
-    fn refine_by_excludes(&mut self) -> Result<(), MaskError> {
+    /// Clicks elsewhere, including those of other labels, are satisfied already. `size` is that of
+    /// the mask after the last exclude click.
+    fn refine_by_excludes(&mut self, size: AnswerSize) -> Result<(), MaskError> {
         for _ in 0..ROUNDS {
             let mut all_right = true;
             for at in 0..self.objects.len() {
-                for click in self.excludes.clone() {
+                let excludes = self.excludes.clone();
+                for (number, click) in excludes.iter().enumerate() {
                     let object = &self.objects[at];
-                    if self.covers(object, &click) && !object.clicks.contains(&click) {
-                        self.refine(at, &click)?;
+                    if self.covers(object, click) && !object.clicks.contains(click) {
+                        let is_last = number + 1 == excludes.len();
+                        let size = if is_last { size } else { AnswerSize::Automatic };
+                        self.refine(at, click, size)?;
                         all_right = false;
                     }
                 }

@@ -7,7 +7,9 @@ use super::frame::SamFrame;
 use super::objects::Objects;
 use super::part::ImagePart;
 use crate::onnx::non_maximum_suppression::non_maximum_suppression;
-use crate::{Click, MaskError, PreparedFrame, Prompt, Proposal, PxBox, Region, SegmentRequest};
+use crate::{
+    AnswerSize, Click, MaskError, PreparedFrame, Prompt, Proposal, PxBox, Region, SegmentRequest,
+};
 use ostra_core::job::Progress;
 
 /// Options of [`SamFrame::everything`].
@@ -197,13 +199,13 @@ impl SamFrame {
         taken: Option<&Region>,
     ) -> Result<Region, MaskError> {
         let (Some(previous), Some((last, earlier))) = (previous, prompt.clicks.split_last()) else {
-            return Ok(Objects::of(self, &prompt.boxes, &prompt.clicks)?.region());
+            return Ok(Objects::of(self, &prompt.boxes, &prompt.clicks, prompt.size)?.region());
         };
-        let mut objects = Objects::of(self, &prompt.boxes, earlier)?;
+        let mut objects = Objects::of(self, &prompt.boxes, earlier, AnswerSize::Automatic)?;
         if !objects.agree_with(previous, taken) {
             objects = Objects::of_region(self, previous, earlier);
         }
-        objects.add(last)?;
+        objects.add(last, prompt.size)?;
         Ok(objects.region())
     }
 }

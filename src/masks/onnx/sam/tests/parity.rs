@@ -9,7 +9,7 @@ use serde::Deserialize;
 use super::super::decoder::MaskPrediction;
 use super::super::{ImagePart, Sam, SamFrame};
 use super::{networks, tiny, tiny_efficient};
-use crate::{Click, PxBox};
+use crate::{AnswerSize, Click, PxBox};
 use ostra_compute::nn::Dialect;
 use ostra_core::job::Progress;
 use ostra_frames::Image;
@@ -137,7 +137,12 @@ fn answers(frame: &SamFrame, cases: &[Case], shift_px: f64) -> Vec<Arc<MaskPredi
         let before = case.after.map(|at| Arc::clone(&given[at]));
         given.push(
             frame
-                .ask(&clicks, within.as_ref(), before.as_ref())
+                .ask(
+                    &clicks,
+                    within.as_ref(),
+                    before.as_ref(),
+                    AnswerSize::Automatic,
+                )
                 .unwrap(),
         );
     }
