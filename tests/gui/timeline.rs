@@ -251,7 +251,7 @@ fn timeline_is_as_high_as_the_rows_of_the_project_and_never_grows_by_itself() {
     let rows: Vec<f32> = heights.iter().map(|height| height - heights[0]).collect();
     assert_eq!(
         rows,
-        [0.0, 0.0, 24.0, 48.0, 48.0],
-        "a large window has 4 rows at most"
+        [0.0, 0.0, 24.0, 72.0, 72.0],
+        "this window shows 5 rows at most"
     );
 }

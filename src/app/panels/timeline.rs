@@ -15,7 +15,10 @@ const GAP: f32 = 1.0;
 /// Rows that have a place before labels come, so that the image does not move at the first click.
 const RESERVED_ROWS: usize = 2;
 /// Share of the window that the rows of a project with many labels get at first.
-const MAX_SHARE: f32 = 0.07;
+///
+/// These are two rows in a window of 800 points, where the image needs the rest, and three in one of
+/// 900 points.
+const MAX_SHARE: f32 = 0.085;
 const NAMES: f32 = 120.0;
 /// Minimum width of a frame. If not all frames fit, those around the shown one are drawn.
 const LEAST_WIDTH: f32 = 4.0;
