@@ -127,7 +127,7 @@ fn brackets_and_alt_wheel_step_through_the_sizes_of_the_last_click() {
     harness.state_mut().shell.view.draft.forget_sent();
     let at = on_screen(&harness, 30.5, 20.5);
     harness.hover_at(at);
-    harness.input_mut().modifiers = Modifiers::ALT;
+    harness.event(egui::Event::ModifiersChanged(Modifiers::ALT));
     let turn = |harness: &mut Harness<'_, Desk>, lines: f32| {
         harness.event(egui::Event::MouseWheel {
             unit: egui::MouseWheelUnit::Line,
@@ -179,7 +179,7 @@ fn ctrl_click_and_ctrl_drag_label_a_new_object() {
     let tree = &harness.state().project.labels;
     let (next, chosen) = (tree.next_id(), harness.state().shell.view.label.unwrap());
     let name = tree.get(chosen).unwrap().name.clone();
-    harness.input_mut().modifiers = Modifiers::COMMAND;
+    harness.event(egui::Event::ModifiersChanged(Modifiers::COMMAND));
     let at = on_screen(&harness, 50.5, 40.5);
     click_at(&mut harness, at, PointerButton::Primary);
     assert_eq!(added(&harness), [(format!("{name} 2"), None)]);

@@ -111,7 +111,7 @@ pub(super) fn answer_bar_ui(
     if view.dialog.is_some() {
         return;
     }
-    Area::new(ui.id().with("answer"))
+    Area::new(ui.scope_id().with("answer"))
         .pivot(Align2::CENTER_BOTTOM)
         .fixed_pos(pane.center_bottom() - egui::vec2(0.0, 8.0))
         .constrain_to(pane)

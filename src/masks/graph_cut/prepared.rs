@@ -93,8 +93,36 @@ impl Prepared {
                 1 => AnswerSize::Larger,
                 _ => AnswerSize::Largest,
             };
-            self.refined(previous, &prompt.clicks, size, taken)
+            let mut answer = self.refined(previous, &prompt.clicks, size, taken);
+            self.drop_slivers(previous, &prompt.clicks, &mut answer);
+            answer
         })
+    }
+
+    /// Removes what an exclude click left of a leak along the border of the mask.
+    ///
+    /// The border of a leak follows no edge of the image. Regions that it crosses are mostly outside
+    /// the mask, so that no cut changes them.
+    fn drop_slivers(&self, previous: &Region, clicks: &[Click], answer: &mut Region) {
+        if clicks.last().is_none_or(|click| click.include) {
+            return;
+        }
+        let (before, after) = (self.raster.mostly(previous), self.raster.mostly(answer));
+        let is_removed = |region: usize| before[region] && !after[region];
+        let is_held = |region: usize| {
+            let here = |click: &&Click| self.raster.region_at(click.at_px) as usize == region;
+            clicks.iter().filter(here).any(|click| click.include)
+        };
+        let is_sliver = |region: usize| {
+            let neighbours = self.graph.neighbours(region);
+            !before[region]
+                && neighbours.iter().any(|&(to, _)| is_removed(to as usize))
+                && !is_held(region)
+        };
+        let slivers: Vec<bool> = (0..before.len()).map(is_sliver).collect();
+        for (inside, &region) in answer.inside.iter_mut().zip(&self.raster.of_pixel) {
+            *inside &= !slivers[region as usize];
+        }
     }
 
     /// Refines `previous`, the answer to all clicks but the last, by the last click.

@@ -140,11 +140,11 @@ fn clicks_on_a_drawn_mask_correct_it_until_it_is_removed() {
     assert!((5..20).contains(&changed), "{changed} of 9 pixels");
     let corrects = |session: &Session| session.project().unwrap().prompts[&(0, STONE)].corrects;
     assert!(corrects(&session));
-    perform(&mut session, click(STONE, &[(25.5, 25.5), (22.5, 12.5)])).unwrap();
+    perform(&mut session, click(STONE, &[(25.5, 25.5), (32.5, 20.5)])).unwrap();
     assert!(corrects(&session), "the second click, too");
     perform(&mut session, Command::Undo).unwrap();
     perform(&mut session, Command::Undo).unwrap();
-    perform(&mut session, click(STONE, &[(25.5, 25.5), (22.5, 12.5)])).unwrap();
+    perform(&mut session, click(STONE, &[(25.5, 25.5), (32.5, 20.5)])).unwrap();
     let at_once = mask(&session);
     assert!(
         at_once.at(25, 25) == STONE && at_once.at(12, 12) == STONE,
