@@ -157,7 +157,7 @@ impl EngineId for GrounderId {
     ];
 }
 
-const NETWORKS: &str = "its networks and ONNX Runtime; get both with 'ostra models install'";
+const NETWORKS: &str = "its networks and ONNX Runtime; add both with 'ostra models add'";
 
 impl EngineId for TrackerId {
     const KIND: EngineKind = EngineKind::Tracker;
@@ -174,7 +174,7 @@ impl EngineId for TrackerId {
     ];
 }
 
-const FEATURES: &str = "its network and ONNX Runtime; get both with 'ostra models install'";
+const FEATURES: &str = "its network and ONNX Runtime; add both with 'ostra models add'";
 
 impl EngineId for FeatureId {
     const KIND: EngineKind = EngineKind::Features;

@@ -18,11 +18,12 @@ use crate::tutorials::{self, SHARED, copy, example, printed, run};
 use crate::video::{Making, make_video};
 
 /// Parts of commands that are not run, with the reason.
-const NOT_RUN: [(&str, &str); 6] = [
+const NOT_RUN: [(&str, &str); 7] = [
     (SHARED, "is run by the tests of the tutorials"),
     ("ostra models install ", "loads files from the internet"),
     ("ostra models add ", "needs the files of a network"),
     ("ostra models check ", "needs an installed network"),
+    ("ostra models remove ", "needs an installed network"),
     ("ostra ground ", "needs an installed network"),
     ("ostra suggest plant --frame ", "needs an installed network"),
 ];

@@ -69,7 +69,7 @@ fn bananas_are_found_by_their_name() {
     let bananas = Bananas::new();
     let output = bananas.refused(&bananas.ground("banana"));
     assert!(
-        output.contains("yolox") && output.contains("ostra models add"),
+        output.contains("yolox") && output.contains("ostra models install"),
         "{output}"
     );
     bananas.add_network();

@@ -59,7 +59,7 @@ fn networks_that_do_not_belong_together_are_rejected() {
     );
     let text = Sam::load(&tiny(), "sam-vit-b").unwrap_err().to_string();
     assert!(
-        text.contains("is not installed") && text.contains("ostra models add sam-vit-b"),
+        text.contains("is not installed") && text.contains("ostra models install sam-vit-b"),
         "{text}"
     );
 }
