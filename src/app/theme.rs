@@ -111,6 +111,8 @@ fn light(style: &mut Style) {
     visuals.widgets.inactive.fg_stroke.color = grey(40);
     visuals.widgets.inactive.weak_bg_fill = grey(226);
     visuals.widgets.hovered.weak_bg_fill = grey(214);
+    // The ground of a control that has the keyboard, from which its ring has to stand out.
+    visuals.widgets.active.weak_bg_fill = grey(196);
     visuals.weak_text_color = Some(grey(92));
     visuals.warn_fg_color = Color32::from_rgb(145, 75, 0);
     visuals.error_fg_color = Color32::from_rgb(190, 30, 30);
