@@ -83,7 +83,11 @@ fn form_stays_where_it_is_while_the_preview_fills_and_a_folder_is_typed() {
         has(harness, "3 images")
     });
     harness.run_steps(4);
-    assert_eq!(places(&harness), before);
+    let has_moved = |harness: &Shown| {
+        let far = |(now, before): (egui::Rect, egui::Rect)| now.min.distance(before.min) > 0.5;
+        places(harness).into_iter().zip(before).any(far)
+    };
+    assert!(!has_moved(&harness), "{:?}", places(&harness));
     harness
         .get_all_by_label("Project folder")
         .last()
@@ -92,7 +96,7 @@ fn form_stays_where_it_is_while_the_preview_fills_and_a_folder_is_typed() {
     harness.run_steps(2);
     harness.event(egui::Event::Text("plant".into()));
     harness.run_steps(4);
-    assert_eq!(places(&harness), before);
+    assert!(!has_moved(&harness), "{:?}", places(&harness));
 }
 
 #[test]
