@@ -397,9 +397,7 @@ impl ViewState {
         }
     }
 
-    /// Multiplies lengths in scene units by `factor` after the scene was rescaled.
-    ///
-    /// Selected points and the inspected point are dropped.
+    /// Multiplies lengths in scene units by `factor`; drops the selected and the inspected points.
     pub fn scale_by(&mut self, factor: f64) {
         self.ruler.scale_by(factor);
         self.measures.scale_by(factor);
@@ -411,8 +409,7 @@ impl ViewState {
 
     /// Lists what an export wrote; while the user draws or answers a dialog, only in a note.
     pub(super) fn show_exported(&mut self, items: Vec<ExportedItem>) {
-        let folder = items.first().and_then(|item| item.path.parent());
-        if let Some(folder) = folder {
+        if let Some(folder) = items.first().and_then(|item| item.path.parent()) {
             self.note = format!("Exported to {}", folder.display());
         }
         if self.is_free() {

@@ -27,17 +27,33 @@ fn labelled_pixels(recording: &Recording, project: &str, name: &str) -> usize {
 #[test]
 fn size_of_the_last_prompt_can_be_changed() {
     let recording = Recording::new();
-    let project = recording.project();
+    // A spot on a leaf before a wall: each is an answer to a click on the spot.
+    let images = recording.path("nested");
+    std::fs::create_dir(&images).unwrap();
+    let mut image = image::RgbImage::from_fn(240, 180, |x, y| {
+        let grain = ((x * 7 + y * 13) % 5) as u8;
+        image::Rgb([90 + grain, 90, 95])
+    });
+    for (left, top, right, bottom, color) in [
+        (60, 40, 180, 140, [60, 140, 60]),
+        (100, 70, 140, 110, [150, 170, 60]),
+    ] {
+        for (x, y) in (left..right).flat_map(|x| (top..bottom).map(move |y| (x, y))) {
+            image.put_pixel(x, y, image::Rgb(color));
+        }
+    }
+    for frame in 0..2 {
+        image.save(format!("{images}/{frame}.png")).unwrap();
+    }
+    let project = recording.path("sizes");
+    done(&["new", &project, "--frames", &images]);
     done(&["label", &project, "thing"]);
-    let prompt = |size: &str| {
-        warned(&[
-            "prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24", "--size",
-            size,
-        ])
-    };
     let mut areas = Vec::new();
     for size in ["auto", "smallest", "largest"] {
-        prompt(size);
+        warned(&[
+            "prompt", &project, "--frame", "1", "--label", "thing", "--click", "120,90", "--size",
+            size,
+        ]);
         areas.push(labelled_pixels(&recording, &project, size));
     }
     let [automatic, smallest, largest] = areas[..] else {

@@ -12,30 +12,6 @@ const MUCH: f64 = 0.35;
 /// Number of image borders that a probably too large answer touches.
 const MANY_BORDERS: usize = 3;
 
-/// What is known about the last answer besides the project.
-#[derive(Debug, Clone, Default)]
-pub struct AnswerBar {
-    /// Frame and message of a prompt that changed nothing.
-    unchanged: Option<(usize, String)>,
-    /// Frame and label whose bar the user closed.
-    closed: Option<(usize, LabelId)>,
-    /// Turn of the wheel that does not make a whole step yet.
-    pub(super) turn: f32,
-}
-
-impl AnswerBar {
-    /// Notes that a prompt changed nothing.
-    pub fn note_unchanged(&mut self, frame: usize, text: String) {
-        self.unchanged = Some((frame, text));
-    }
-
-    /// Drops what is known about the last answer, because another one follows.
-    pub fn forget(&mut self) {
-        self.unchanged = None;
-        self.closed = None;
-    }
-}
-
 /// How far a label extends on a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct LabelSpread {

@@ -1,6 +1,7 @@
 //! Image pane: zoom and pan, mask overlay, and the tools for prompts and painting.
 
 mod answer_bar;
+mod answer_state;
 mod draft;
 mod image_pane;
 mod input;
@@ -11,7 +12,7 @@ mod prompts;
 mod shown_image;
 mod toolbar;
 
-pub use answer_bar::AnswerBar;
+pub use answer_state::AnswerBar;
 pub use draft::{Draft, Tool};
 pub(super) use image_pane::image_pane_ui;
 pub use map::{CanvasMap, ZoomState};

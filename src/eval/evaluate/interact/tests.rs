@@ -42,7 +42,12 @@ fn sequence(folder: &Path) -> Sequence {
                 .into_iter()
                 .find(|(_, _, at)| at.contains(&x) && (4..20).contains(&y))
         };
-        let color = |x, y| image::Rgb(object(x, y).map_or([90; 3], |(_, color, _)| color));
+        // Chequered: a click of which only its pixel obeys changes that pixel and none around it.
+        let shade = |x: u32, y: u32| 1 + (x + y) as u8 % 2;
+        let color = |x, y| {
+            let color = object(x, y).map_or([90; 3], |(_, color, _)| color);
+            image::Rgb(color.map(|channel| channel / shade(x, y)))
+        };
         image::RgbImage::from_fn(width, height, color)
             .save(folder.join(format!("{frame:02}.png")))
             .unwrap();
@@ -111,8 +116,11 @@ impl PreparedFrame for Colors {
         let (width, height) = (self.image.width, self.image.height);
         let click = request.prompt.clicks.last().unwrap();
         let at = click.pixel_in(width, height).unwrap();
-        let alike =
-            |pixel: usize| click.include && self.image.pixels[pixel] == self.image.pixels[at];
+        let hue = |pixel: usize| {
+            let [red, _, blue] = self.image.pixels[pixel];
+            red.cmp(&blue)
+        };
+        let alike = |pixel: usize| click.include && hue(pixel) == hue(at);
         let inside = (0..self.image.pixels.len()).map(|pixel| {
             if self.whole {
                 alike(pixel)
