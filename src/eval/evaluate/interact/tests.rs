@@ -281,11 +281,8 @@ fn drawing_replaces_ineffective_clicks_and_its_corners_count() {
         }
     );
     assert!(report.mean_iou >= 0.95, "{report:?}");
-    assert_eq!(
-        report.corners % 4,
-        1,
-        "rectangles, and what was copied to where nothing is, taken off: {report:?}"
-    );
+    // What was copied to where nothing is goes by an exclude click, whose pixel was all of it.
+    assert_eq!(report.corners % 4, 0, "rectangles: {report:?}");
     assert!(
         report.clicks * 4 >= report.corners * 7,
         "clicks in vain come before each: {report:?}"
