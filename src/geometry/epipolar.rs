@@ -1,4 +1,4 @@
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec2, DVec3};
 use nalgebra::Matrix3;
 
 use super::{Camera, Pose};
@@ -18,6 +18,18 @@ pub(super) fn cross_matrix(t: DVec3) -> DMat3 {
 #[must_use]
 pub fn essential_from_pose(second_from_first: &Pose) -> DMat3 {
     cross_matrix(second_from_first.translation) * DMat3::from_quat(second_from_first.rotation)
+}
+
+/// Returns the distance of two matching points from an essential matrix, on the plane z = 1.
+///
+/// This is the first-order approximation of how far the points must move to agree (R. Hartley,
+/// A. Zisserman, *Multiple View Geometry in Computer Vision*, 2004, 11.4.3).
+#[must_use]
+pub fn sampson_distance(essential: &DMat3, [first, second]: [DVec2; 2]) -> f64 {
+    let (first, second) = (first.extend(1.0), second.extend(1.0));
+    let (in_second, in_first) = (*essential * first, essential.transpose() * second);
+    let gradient = in_second.truncate().length_squared() + in_first.truncate().length_squared();
+    second.dot(in_second).abs() / gradient.sqrt()
 }
 
 /// Converts a matrix between rays to a fundamental matrix between pixels.

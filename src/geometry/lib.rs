@@ -69,7 +69,7 @@ pub use align::{Alignment, Similarity};
 pub use camera::Camera;
 pub use depth_tolerance::{DepthTolerance, is_same_depth};
 pub use distortion::Distortion;
-pub use epipolar::{essential_from_pose, fundamental_in_pixels};
+pub use epipolar::{essential_from_pose, fundamental_in_pixels, sampson_distance};
 pub use error::GeometryError;
 pub use pose::Pose;
 pub use pose_graph::{PoseEdge, PoseGraphOptions, SolvedPoseGraph, solve_pose_graph};

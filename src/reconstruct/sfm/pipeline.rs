@@ -106,7 +106,7 @@ pub fn structure_from_motion(
             .map(|mapped| mapped.model.placed().count())
             .collect(),
         scale: None,
-        warnings: Vec::new(),
+        warnings: contradicted(kept).into_iter().collect(),
         methods: [request.extractor.name(), request.matcher.name()],
         stopped: kept.stopped,
     };
@@ -125,6 +125,23 @@ pub fn structure_from_motion(
     }
     result.stopped |= progress.check().is_err();
     Ok(result)
+}
+
+/// Contradiction above which cameras may be wrong.
+///
+/// Right cameras of eleven sets had 0.003–0.082, wrong ones 0.20 and more.
+const CONTRADICTORY: f64 = 0.15;
+
+/// Returns a warning if the matches contradict the cameras.
+fn contradicted(mapped: &Mapped) -> Option<String> {
+    (mapped.contradiction > CONTRADICTORY).then(|| {
+        format!(
+            "the cameras may be wrong, as the matches between the images contradict them \
+             ({:.2}; usually below 0.1): compare the sparse points with the images; take images \
+             with more overlap from more viewpoints, or give the cameras",
+            mapped.contradiction
+        )
+    })
 }
 
 fn finish(

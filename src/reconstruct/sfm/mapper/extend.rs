@@ -36,7 +36,8 @@ pub fn extend(
     let before = standing.model.placed().count();
     let refused = mapper.place_more(refused_before(standing, &mapper))?;
     let grown = mapper.model.placed().count() > before;
-    Ok(grown.then_some(Mapped {
+    Ok(grown.then(|| Mapped {
+        contradiction: mapper.contradiction(),
         model: mapper.model,
         start: standing.start,
         refused,

@@ -2,10 +2,10 @@ use std::collections::BTreeSet;
 
 use super::MapperOptions;
 use super::state::Mapper;
-use crate::sfm::VerifiedPair;
+use crate::sfm::{KeypointId, VerifiedPair};
 use ostra_core::job::Stopped;
 use ostra_core::statistics::upper_median;
-use ostra_geometry::{Pose, TwoViewKind};
+use ostra_geometry::{Pose, TwoViewKind, essential_from_pose, sampson_distance};
 
 /// How a model was started.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,17 +50,36 @@ const POINT_SHARE: f64 = 0.5;
 impl Mapper<'_> {
     /// Places two images that share enough points and are far enough apart, and creates these points.
     ///
+    /// `avoided` has sets of images, by image number, that the pair may not contain: first the first
+    /// set, and the next one if no pair is left.
+    ///
     /// # Errors
     /// [`Stopped`]; `Ok(None)` if no pair is good enough.
-    pub fn start_from_pair(&mut self) -> Result<Option<ModelStart>, Stopped> {
+    pub fn start_from_pair(
+        &mut self,
+        avoided: [&[bool]; 2],
+    ) -> Result<Option<ModelStart>, Stopped> {
+        for avoided in avoided {
+            let start = self.start_outside(avoided)?;
+            if start.is_some() {
+                return Ok(start);
+            }
+        }
+        Ok(None)
+    }
+
+    /// Places a pair of images that are not `avoided`.
+    fn start_outside(&mut self, avoided: &[bool]) -> Result<Option<ModelStart>, Stopped> {
         let problem = self.problem;
         let mut tried = BTreeSet::new();
         for required in RELAXED.map(|(matches, parallax)| relaxed(self.options, matches, parallax))
         {
             let mut ranked: Vec<(usize, &VerifiedPair)> =
                 problem.pairs.iter().enumerate().collect();
-            ranked
-                .retain(|(number, pair)| !tried.contains(number) && self.may_start(pair, required));
+            ranked.retain(|(number, pair)| {
+                let is_avoided = pair.images.iter().any(|&image| avoided[image as usize]);
+                !is_avoided && !tried.contains(number) && self.may_start(pair, required)
+            });
             ranked.sort_by_key(|(number, pair)| (std::cmp::Reverse(pair.matches.len()), *number));
             for (number, pair) in ranked.into_iter().take(TRIES) {
                 self.progress.check()?;
@@ -122,6 +141,39 @@ impl Mapper<'_> {
             .map(|(_, point)| (point.position - a).angle_between(point.position - b))
             .collect();
         upper_median(&mut angles).unwrap_or(0.0)
+    }
+
+    /// Returns how much the matches between placed images contradict the poses, 0–1.
+    ///
+    /// This is the mean over the matches of the squared distance from their epipolar lines relative
+    /// to its limit; 1 for matches beyond the limit.
+    pub fn contradiction(&self) -> f64 {
+        let (mut sum, mut count) = (0.0, 0usize);
+        for pair in &self.problem.pairs {
+            let [a, b] = pair.images;
+            let (Some(first), Some(second)) =
+                (self.model.poses[a as usize], self.model.poses[b as usize])
+            else {
+                continue;
+            };
+            let cameras =
+                [a, b].map(|image| &self.model.cameras[self.problem.images[image as usize].camera]);
+            let essential = essential_from_pose(&second.compose(&first.inverse()));
+            let px = 0.25
+                * cameras
+                    .iter()
+                    .map(|camera| camera.focal_px.element_sum())
+                    .sum::<f64>();
+            for &[i, j] in &pair.matches {
+                let rays =
+                    [(a, i), (b, j)].map(|(image, index)| self.ray(KeypointId { image, index }));
+                let error_px = px * sampson_distance(&essential, rays);
+                let share = (error_px / self.options.max_error_px).powi(2).min(1.0);
+                sum += if share.is_finite() { share } else { 1.0 };
+                count += 1;
+            }
+        }
+        if count == 0 { 0.0 } else { sum / count as f64 }
     }
 
     /// Removes all points and poses.

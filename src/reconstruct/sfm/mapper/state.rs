@@ -146,10 +146,15 @@ impl<'a> Mapper<'a> {
         self.problem.images[keypoint.image as usize].keypoints[keypoint.index as usize]
     }
 
+    /// Returns an undistorted keypoint on the plane z = 1.
+    pub fn ray(&self, keypoint: KeypointId) -> DVec2 {
+        self.rays[keypoint.image as usize][keypoint.index as usize]
+    }
+
     /// Returns the observation of a keypoint by its image, if that is placed.
     pub fn observation(&self, keypoint: KeypointId) -> Option<RayObservation<'_>> {
         let image = keypoint.image as usize;
-        let at_plane = self.rays[image][keypoint.index as usize];
+        let at_plane = self.ray(keypoint);
         let camera_from_world = self.model.poses[image]
             .as_ref()
             .filter(|_| at_plane.is_finite())?;

@@ -22,6 +22,7 @@ struct Recipe {
     noise_px: f64,
     outliers: f64,
     window: usize,
+    focal_px: f64,
     poses: fn(usize) -> Pose,
 }
 
@@ -31,16 +32,25 @@ const RING: Recipe = Recipe {
     noise_px: 0.5,
     outliers: 0.3,
     window: 5,
+    focal_px: 1100.0,
     poses: on_an_arc,
 };
 
 /// Returns a pose on an arc of 4 units around the origin, 6° apart, facing inwards, rising and falling.
 fn on_an_arc(view: usize) -> Pose {
+    on_an_arc_of(4.0, view)
+}
+
+fn on_a_far_arc(view: usize) -> Pose {
+    on_an_arc_of(24.0, view)
+}
+
+fn on_an_arc_of(radius: f64, view: usize) -> Pose {
     let angle = (view as f64 * 6.0).to_radians();
     let centre = DVec3::new(
-        4.0 * angle.sin(),
-        0.4 * (2.3 * angle).sin(),
-        -4.0 * angle.cos(),
+        radius * angle.sin(),
+        0.1 * radius * (2.3 * angle).sin(),
+        -radius * angle.cos(),
     );
     looking_at_origin(centre)
 }
@@ -70,7 +80,7 @@ impl Made {
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
         let camera = Camera {
             distortion: Distortion::Radial { k: [-0.05, 0.01] },
-            ..Camera::pinhole(1280, 960, [1100.0, 1100.0], [640.0, 480.0])
+            ..Camera::pinhole(1280, 960, [recipe.focal_px; 2], [640.0, 480.0])
         };
         let mut within = || rng.random_range(-1.0..1.0);
         let points: Vec<DVec3> = (0..recipe.points)
@@ -206,6 +216,40 @@ fn thirty_views_are_placed_despite_noise_and_outliers() {
             "seed {seed}: centre {centre:.2e}, rotation {rotation:.3}°"
         );
     }
+}
+
+#[test]
+fn reversed_first_pair_is_replaced() {
+    // From afar, the images of two cameras agree almost as well with the reversed relief and motion.
+    let far = Recipe {
+        focal_px: 6600.0,
+        poses: on_a_far_arc,
+        ..RING
+    };
+    let mut made = Made::new(&far, 4);
+    let required = MapperOptions::default().first_pair_parallax;
+    let first = made
+        .problem
+        .pairs
+        .iter_mut()
+        .filter(|pair| pair.parallax >= required)
+        .max_by_key(|pair| (pair.matches.len(), std::cmp::Reverse(pair.images)))
+        .unwrap();
+    let [a, b] = first.images.map(|image| made.truth[image as usize]);
+    let rotation = (b.rotation * a.rotation.conjugate()).conjugate();
+    let translation = b.translation - rotation * a.translation;
+    first.second_from_first = Some(Pose {
+        rotation,
+        translation: translation.normalize(),
+    });
+    let models = made.map();
+    let (centre, rotation) = made.errors(&models[0]);
+    assert!(
+        centre < 2e-3 && rotation < 0.1,
+        "centre {centre:.2e}, rotation {rotation:.3}°"
+    );
+    let right = models[0].contradiction;
+    assert!(right < 0.1, "{right}");
 }
 
 #[test]
