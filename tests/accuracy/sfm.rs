@@ -124,6 +124,7 @@ fn thin_plant_on_a_turntable() {
     let set = data.join("romi_real_plant");
     let project = Project::new(&set.join("images"), &[]);
     let output = project.reconstruct(&[]);
+    assert!(!output.contains("may be wrong"), "{output}");
     assert_eq!(project.placed(), 60, "{output}");
     let percent = set_point_error(&project, &set);
     println!("romi plant, unknown: 60 cameras, centre {percent:.3} %");
@@ -202,6 +203,19 @@ fn poses(path: &Path) -> Vec<(String, Pose)> {
         .collect()
 }
 
+/// Checks that cameras are right, or that the program says that they may be wrong.
+///
+/// Nothing is known of the camera here, and the frames have little parallax.
+fn cameras_of_a_shelf_are_right_or_doubted() {
+    let data = data_dir();
+    let set = data.join("apc_shelf_rgbd_labels");
+    let project = Project::new(&set.join("color"), &[]);
+    let output = project.reconstruct(&[]);
+    let (_, rotation) = accuracy("shelf, unknown", &project.errors(&set.join("sparse")));
+    let doubted = output.contains("the cameras may be wrong");
+    assert!(doubted != (rotation < 2.0), "{rotation}° {output}");
+}
+
 /// Checks a map from 56 of 167 frames, in which the others are registered; colour only.
 fn every_third_frame_of_a_kitchen_forms_the_map() {
     let data = data_dir();
@@ -224,7 +238,8 @@ fn every_third_frame_of_a_kitchen_forms_the_map() {
             &set.join("color"),
             &more.iter().map(String::as_str).collect::<Vec<_>>(),
         );
-        project.reconstruct(&["--every", "3"]);
+        let output = project.reconstruct(&["--every", "3"]);
+        assert!(!output.contains("may be wrong"), "{output}");
         assert_eq!(project.placed(), 167);
         let errors = project.errors(&set.join("sparse"));
         accuracy(&format!("kitchen, {name}"), &errors);
@@ -538,4 +553,5 @@ crate::registry::tests! {
     Data(&["romi_real_plant"]) => thin_plant_on_a_turntable;
     Data(&["redkitchen_rgbd_a"]) => every_third_frame_of_a_kitchen_forms_the_map, depth_sets_the_scale;
     Data(&["banana"]) => two_cameras_in_one_set;
+    Data(&["apc_shelf_rgbd_labels"]) => cameras_of_a_shelf_are_right_or_doubted;
 }
