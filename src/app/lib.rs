@@ -55,6 +55,7 @@ mod mask_drawings;
 mod menu;
 mod menu_entry;
 mod menu_name;
+mod network_offer;
 mod notices;
 mod opening;
 mod option_names;

@@ -48,6 +48,8 @@ pub struct Prefs {
     pub timeline: bool,
     /// Device that runs neural networks.
     pub provider: Provider,
+    /// Whether networks are offered where they would help.
+    pub offer_networks: bool,
     /// Whether pixels that contradict the vote of all views are highlighted.
     #[serde(alias = "contradictions")]
     pub mismatches: bool,
@@ -80,6 +82,7 @@ impl Default for Prefs {
             links: false,
             timeline: true,
             provider: Provider::default(),
+            offer_networks: true,
             mismatches: true,
             flag_below: FLAG_BELOW,
             playback: PlaybackPrefs::default(),

@@ -7,7 +7,7 @@ use ostra_project::SegmenterId;
 use ostra_project::workflow::WorkflowStep;
 use ostra_session::{Command, EngineKind, FindByTextRequest, FoundThing, Grounding, TakeRequest};
 
-use crate::desk::{Desk, open_step};
+use crate::desk::{Desk, open_step, press};
 
 /// Returns a desk with or without an installed grounder.
 fn desk(installed: bool) -> Desk {
@@ -23,15 +23,27 @@ fn desk(installed: bool) -> Desk {
 }
 
 #[test]
-fn text_field_is_disabled_without_a_network() {
+fn search_by_text_is_disabled_without_a_network() {
     let mut harness = desk(false).shown();
     open_step(&mut harness, WorkflowStep::Label);
+    let is_disabled = |label| harness.get_by_label(label).accesskit_node().is_disabled();
+    assert!(is_disabled("Find"));
     assert!(
-        harness
-            .get_by_label("Text to find")
-            .accesskit_node()
-            .is_disabled()
+        !is_disabled("Text to find"),
+        "typed while a network is being installed"
     );
+}
+
+#[test]
+fn enter_searches_nothing_without_a_network() {
+    let mut harness = desk(false).shown();
+    open_step(&mut harness, WorkflowStep::Label);
+    harness.get_by_label("Text to find").focus();
+    harness.run_steps(2);
+    harness.get_by_label("Text to find").type_text("leaf");
+    harness.run_steps(2);
+    press(&mut harness, egui::Modifiers::NONE, egui::Key::Enter);
+    assert!(harness.state().requested.is_empty());
 }
 
 #[test]

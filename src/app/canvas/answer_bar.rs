@@ -1,7 +1,8 @@
 use egui::{Align2, Area, Button, Frame, Rect, Ui};
 
 use super::draft::Tool;
-use super::prompts::{resized, set_size};
+use super::prompts::{answer_again, resized, set_size};
+use crate::network_offer::{click_offer, click_offer_ui};
 use crate::tooltips::icon_button;
 use crate::{Action, SessionView, ViewState};
 use ostra_masks::{AnswerSize, LabelId, RunMask};
@@ -71,7 +72,8 @@ fn message(session: &SessionView<'_>, view: &ViewState) -> Option<String> {
     (size != AnswerSize::Automatic).then(|| format!("Answer to the last click: {}", size.name()))
 }
 
-/// Draws a bar over the lower edge of the image if the last answer is probably not what was meant.
+/// Draws a bar over the lower edge of the image if the last answer is probably not what was meant,
+/// or if a network would answer better.
 ///
 /// It covers the image instead of moving it.
 pub(super) fn answer_bar_ui(
@@ -81,10 +83,12 @@ pub(super) fn answer_bar_ui(
     view: &mut ViewState,
     out: &mut Vec<Command>,
 ) {
-    let Some(text) = message(session, view) else {
-        return;
-    };
-    if view.dialog.is_some() {
+    let (offer, is_installed) = click_offer(ui.ctx(), session, view, out);
+    if is_installed {
+        answer_again(session, view, out);
+    }
+    let text = message(session, view);
+    if view.dialog.is_some() || (text.is_none() && offer.is_none()) {
         return;
     }
     Area::new(ui.scope_id().with("answer"))
@@ -94,14 +98,19 @@ pub(super) fn answer_bar_ui(
         .show(ui.ctx(), |ui| {
             Frame::popup(ui.style()).show(ui, |ui| {
                 ui.set_max_width((pane.width() - 40.0).max(80.0));
-                ui.horizontal_wrapped(|ui| {
-                    ui.label(text);
-                    size_buttons_ui(ui, session, view, out);
-                    if icon_button(ui, "×", "Close hint", "Close this hint").clicked() {
-                        view.answer.unchanged = None;
-                        view.answer.closed = session.last_prompt;
-                    }
-                });
+                if let Some(text) = text {
+                    ui.horizontal_wrapped(|ui| {
+                        ui.label(text);
+                        size_buttons_ui(ui, session, view, out);
+                        if icon_button(ui, "×", "Close hint", "Close this hint").clicked() {
+                            view.answer.unchanged = None;
+                            view.answer.closed = session.last_prompt;
+                        }
+                    });
+                }
+                if let Some(offer) = offer {
+                    ui.horizontal_wrapped(|ui| click_offer_ui(ui, &offer, session, view, out));
+                }
             });
         });
 }

@@ -158,6 +158,17 @@ pub(super) fn set_size(
     }
 }
 
+/// Asks for another answer to the last click, because another segmenter can be used now.
+pub(super) fn answer_again(
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    out: &mut Vec<Command>,
+) {
+    if let Some(answer) = resized(session, view) {
+        set_size(session, view, answer.size, out);
+    }
+}
+
 /// Removes the selected label's prompt and pixels from the shown frame.
 pub(crate) fn clear_label(session: &SessionView<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
     if let Some(label) = view

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::picker::typed_path;
 use crate::Action;
+use crate::network_offer::NetworkOffers;
 use ostra_frames::{DepthSource, Frame, ImageSource};
 use ostra_session::Command;
 
@@ -182,6 +183,8 @@ pub struct ModelsForm {
     pub(super) variants: BTreeMap<String, String>,
     /// Network whose licence is shown to be accepted.
     pub(super) accepting: Option<String>,
+    /// Offers of networks outside this dialog.
+    pub(crate) offers: NetworkOffers,
 }
 
 /// State of the palette.

@@ -2,7 +2,6 @@ use ostra_session::JobTask;
 
 use egui::{Button, ComboBox, ProgressBar, ScrollArea, Ui};
 
-use super::forms::ModelsForm;
 use super::picker::{PathField, Pick, PickTarget, path_field_ui, typed_path};
 use crate::panels::progress_text;
 use crate::tooltips::{add_explained, modal};
@@ -326,7 +325,8 @@ fn adding_ui(ui: &mut Ui, view: &mut ViewState, row: &ModelStatus, out: &mut Vec
                 name: row.name.clone(),
                 task,
             }));
-            view.models = ModelsForm::default();
+            view.models.adding = None;
+            view.models.path.clear();
         }
     });
 }

@@ -108,6 +108,8 @@ fn general_ui(ui: &mut Ui, view: &mut ViewState) {
             });
             field(ui, "Networks", "What networks run on", |ui| {
                 provider_ui(ui, view);
+                ui.checkbox(&mut view.prefs.offer_networks, "Offer them")
+                    .on_hover_text("Offer to install a network where it would help");
             });
         });
 }

@@ -4,6 +4,7 @@ use ostra_session::JobTask;
 use super::labels::add_label;
 use crate::action::Requests;
 use crate::canvas::id_at;
+use crate::network_offer::text_offer_ui;
 use crate::panel_state::MIN_SHOWN_SCORE;
 use crate::tooltips::{action_button, add_explained};
 use crate::{Action, SessionView, ViewState};
@@ -49,14 +50,21 @@ pub(crate) fn text_prompt_ui(
     } else {
         (!session.has_frames()).then_some("Add frames to the project first")
     };
+    if text_offer_ui(ui, session, view, out) {
+        out.extend(view.text_prompt.request(view.frame));
+    }
     ui.horizontal(|ui| {
         let width = (ui.available_width() - 52.0).max(60.0);
         let edit = TextEdit::singleline(&mut view.text_prompt.text)
             .hint_text("banana; cup")
             .desired_width(width);
         let tip = "Objects to find on this frame, separated by ';'; each text becomes a label, each object an instance";
-        let edit = add_explained(ui, edit, tip, unavailable).accessible_name("Text to find");
-        let entered = edit.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
+        // A text can be typed while the network is being installed.
+        let is_read_only = unavailable.filter(|_| installed);
+        let edit = add_explained(ui, edit, tip, is_read_only).accessible_name("Text to find");
+        let entered = unavailable.is_none()
+            && edit.lost_focus()
+            && ui.input(|i| i.key_pressed(Key::Enter));
         let find = add_explained(ui, egui::Button::new("Find"), tip, unavailable);
         if find.clicked() || entered {
             out.extend(view.text_prompt.request(view.frame));
