@@ -440,7 +440,7 @@ const LIST: &[Row] = {
         A::SetScale, RUN, false, "Set scale by ruler", "Scale cameras, depth maps, cloud and mesh so that the ruler shows the known length", None;
         A::Fuse, RUN, false, "Fuse", "Fuse the depth maps into a cloud and label each point by a vote of all views", plain(Key::U);
         A::Stop, RUN, true, "Stop", "Stop the running job; finished parts are kept", ctrl(Key::Period);
-        A::Cancel, RUN, false, "Cancel", "Discard the unfinished box, stroke, polygon or trace, else clear selected points or close the matches or traits window. Jobs go on", plain(Key::Escape);
+        A::Cancel, RUN, false, "Drop unfinished drawing", "Discard the unfinished box, stroke, polygon or trace, else clear selected points or close the matches or traits window. Jobs go on", plain(Key::Escape);
         A::FocusMenu, HELP, false, "Go to the menu bar", "Give the keyboard to the menu bar; Enter opens a menu, arrow keys move in it", plain(Key::F10);
         A::Palette, HELP, false, "Find action…", "List all actions; type to filter", ctrl(Key::P);
         A::ShortcutSheet, HELP, false, "Shortcuts…", "Show and change shortcuts", plain(Key::Questionmark);

@@ -22,9 +22,16 @@ pub(super) fn centre_ui(
     arrangement.repair();
     let (panes, traits) = (view.prefs.panes, view.measures.open);
     let has_frames = session.has_frames();
+    // An empty 3-D view takes no space from the image. It opens when its content begins to be
+    // computed, while the pointer is at the button of that step.
+    let shows_scene = match panes {
+        Panes::Both => session.has_scene(),
+        Panes::Image => false,
+        Panes::Scene => true,
+    };
     arrangement.show_only(|pane| match pane {
         Pane::Image => has_frames && panes != Panes::Scene,
-        Pane::Scene => !has_frames || panes != Panes::Image,
+        Pane::Scene => !has_frames || shows_scene,
         Pane::Traits => traits,
     });
     let mut drawing = Drawing {

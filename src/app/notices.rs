@@ -1,3 +1,5 @@
+use std::time::Duration;
+
 use egui::{Align2, Rect, RichText, Ui};
 
 /// Severity of a notice.
@@ -24,12 +26,16 @@ pub struct Notice {
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Notices {
     shown: Vec<Notice>,
+    /// When each of them was first drawn, in milliseconds.
+    drawn_ms: Vec<Option<u64>>,
     /// Warnings that a form showed while the user could still choose otherwise.
     read_before: Vec<String>,
 }
 
 /// Maximum number of notices. More would cover the window, so the oldest are dropped.
 const MOST: usize = 5;
+/// Time for which a note is shown, in milliseconds.
+const NOTE_MS: u64 = 10_000;
 
 impl Notices {
     /// Sets the warnings that the user has just read in a form; they are not shown a second time.
@@ -48,10 +54,37 @@ impl Notices {
             self.read_before.remove(index);
         } else if !self.shown.contains(&notice) {
             self.shown.push(notice);
+            self.drawn_ms.push(None);
         }
         if self.shown.len() > MOST {
-            self.shown.remove(0);
+            self.remove(0);
         }
+    }
+
+    fn remove(&mut self, index: usize) {
+        self.shown.remove(index);
+        self.drawn_ms.remove(index);
+    }
+
+    /// Removes notes, but not warnings and errors, that were there long enough to be read.
+    ///
+    /// Returns the time until the next one is removed, in milliseconds.
+    fn remove_read(&mut self, now_ms: u64) -> Option<u64> {
+        let mut left = None;
+        for index in (0..self.shown.len()).rev() {
+            let since = *self.drawn_ms[index].get_or_insert(now_ms);
+            if self.shown[index].severity != Severity::Note {
+                continue;
+            }
+            match (since + NOTE_MS)
+                .checked_sub(now_ms)
+                .filter(|left| *left > 0)
+            {
+                Some(rest) => left = Some(left.map_or(rest, |known: u64| known.min(rest))),
+                None => self.remove(index),
+            }
+        }
+        left
     }
 
     /// Returns the notices currently shown.
@@ -65,6 +98,10 @@ impl Notices {
 ///
 /// They do not cover the side panel, where the user goes on working.
 pub(super) fn notices_ui(ui: &Ui, notices: &mut Notices, panes: Rect) {
+    let now_ms = (1000.0 * ui.input(|input| input.time)) as u64;
+    if let Some(left) = notices.remove_read(now_ms) {
+        ui.ctx().request_repaint_after(Duration::from_millis(left));
+    }
     if notices.shown.is_empty() {
         return;
     }
@@ -82,7 +119,7 @@ pub(super) fn notices_ui(ui: &Ui, notices: &mut Notices, panes: Rect) {
             }
         });
     if let Some(index) = dismissed {
-        notices.shown.remove(index);
+        notices.remove(index);
     }
 }
 
@@ -129,6 +166,24 @@ mod tests {
         }
         assert_eq!(notices.shown().len(), MOST);
         assert_eq!(notices.shown()[MOST - 1].text, "8");
+    }
+
+    #[test]
+    fn only_notes_go_by_themselves() {
+        let mut notices = Notices::default();
+        notices.tell(Severity::Note, "a");
+        notices.tell(Severity::Warning, "b");
+        assert_eq!(notices.remove_read(500), Some(NOTE_MS));
+        notices.tell(Severity::Note, "c");
+        assert_eq!(notices.remove_read(1500), Some(NOTE_MS - 1000));
+        assert_eq!(notices.remove_read(500 + NOTE_MS), Some(1000));
+        let texts = |notices: &Notices| {
+            let shown = notices.shown().iter();
+            shown.map(|notice| notice.text.clone()).collect::<Vec<_>>()
+        };
+        assert_eq!(texts(&notices), ["b", "c"]);
+        assert_eq!(notices.remove_read(1500 + NOTE_MS), None);
+        assert_eq!(texts(&notices), ["b"]);
     }
 
     #[test]

@@ -7,9 +7,9 @@ const CONTROLS: [(&str, &str); 10] = [
     ("--depth-pose", "'Depth pose'"),
     ("--cameras", "'Cameras'"),
     ("--intrinsics", "'Intrinsics'"),
-    ("--every", "'Every'"),
+    ("--every", "'Every Nth frame'"),
     ("--method", "the method"),
-    ("--constrain", "'Constrain by geometry'"),
+    ("--constrain", "'Check by geometry'"),
 ];
 
 /// Replaces options of the command line in a message by the names of controls of the window.

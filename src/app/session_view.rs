@@ -99,6 +99,18 @@ impl<'a> SessionView<'a> {
         !self.project.frames.is_empty()
     }
 
+    /// Returns whether there is something for the 3-D view, or it is being computed.
+    #[must_use]
+    pub fn has_scene(&self) -> bool {
+        self.points().is_some()
+            || self.running(&JobTask::Reconstruct).is_some()
+            || self
+                .project
+                .frames
+                .iter()
+                .any(|frame| frame.posed_camera().is_some())
+    }
+
     /// Returns the points to show in the 3-D view.
     ///
     /// In order of preference: depth maps in progress, proposed instances, the labelled cloud, the

@@ -354,12 +354,13 @@ impl ViewState {
             std::mem::take(&mut self.new_project),
             std::mem::take(&mut self.picker),
         );
-        let adapter = self.adapter.take();
+        let (adapter, models) = (self.adapter.take(), std::mem::take(&mut self.models));
         *self = Self {
             notices,
             new_project,
             picker,
             adapter,
+            models,
             has_example: self.has_example,
             ..Self::new(kept)
         };

@@ -11,7 +11,8 @@ use ostra_session::{Command, PromptRequest};
 use crate::desk::{Desk, HEIGHT, WIDTH, click_at, drag, flick, on_screen, press};
 
 const LABEL: LabelId = LabelId(1);
-const HINT: &str = "Too much? Right-click what does not belong, or drag a box.";
+const HINT: &str =
+    "Too much? Right-click what does not belong, or drag a box. For a stem, use Stem & wire.";
 
 fn prompts(harness: &Harness<'_, Desk>) -> Vec<PromptRequest> {
     let requested = harness.state().requested.iter();

@@ -15,6 +15,7 @@ use ostra_session::Command;
 use ostra_view::Coloring;
 
 use crate::desk::{Desk, drag, open_step, press};
+use crate::running::reconstruction;
 
 const STEPS: [WorkflowStep; 5] = [
     WorkflowStep::Label,
@@ -146,7 +147,10 @@ fn nothing_moves_when_labels_cameras_and_cloud_come() {
         "Confidence over frames",
         "Colour by",
     ];
-    let mut harness = at_size(fresh(), Vec2::new(1280.0, 800.0));
+    // The 3-D view opens with the reconstruction, when the pointer is in the side panel.
+    let mut desk = fresh();
+    desk.jobs = vec![reconstruction()];
+    let mut harness = at_size(desk, Vec2::new(1280.0, 800.0));
     let places = |harness: &Harness<'_, Desk>| names.map(|name| rect(harness, name));
     let before = places(&harness);
     let sample = Desk::sample();
@@ -165,6 +169,26 @@ fn nothing_moves_when_labels_cameras_and_cloud_come() {
     (view.range, view.ruler.in_hand) = (Some((1, 3)), true);
     harness.run_steps(5);
     assert_eq!(places(&harness), before, "range and ruler");
+}
+
+#[test]
+fn image_is_alone_until_there_is_something_in_3d() {
+    let size = Vec2::new(1280.0, 800.0);
+    let mut harness = at_size(fresh(), size);
+    assert!(harness.query_by_label("3-D view").is_none());
+    let alone = share(&harness, "Image 000.png", size);
+    assert!(alone >= 0.55, "{alone}");
+    harness.state_mut().jobs = vec![reconstruction()];
+    harness.run_steps(3);
+    assert!(harness.query_by_label("3-D view").is_some(), "its preview");
+    harness.state_mut().jobs.clear();
+    harness.state_mut().project.frames = Arc::clone(&Desk::sample().project.frames);
+    harness.run_steps(3);
+    assert!(harness.query_by_label("3-D view").is_some(), "cameras");
+    harness.state_mut().project.frames = fresh().project.frames;
+    harness.state_mut().shell.view.prefs.panes = Panes::Scene;
+    harness.run_steps(3);
+    assert!(harness.query_by_label("3-D view").is_some(), "chosen");
 }
 
 #[test]
@@ -212,7 +236,7 @@ fn measures_and_export_are_buttons_of_the_last_step() {
     let mut harness = Desk::sample().shown();
     open_step(&mut harness, WorkflowStep::Measure);
     let before = rect(&harness, "Image 000.png");
-    harness.get_by_label("Measures").click();
+    harness.get_by_label("Table of traits").click();
     harness.run_steps(3);
     assert!(harness.state().shell.view.measures.open);
     let cloud = rect(&harness, "3-D view");

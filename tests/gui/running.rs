@@ -25,7 +25,8 @@ fn step(title: &str, state: StepState) -> Step {
 }
 
 /// Returns a reconstruction in its second of three steps.
-fn reconstruction() -> JobView {
+/// Returns a reconstruction that runs.
+pub fn reconstruction() -> JobView {
     JobView {
         id: JobId(3),
         title: "Reconstruct".into(),

@@ -9,7 +9,7 @@ use ostra_masks::{AnswerSize, LabelId, RunMask};
 use ostra_session::Command;
 
 /// Share of the image above which the answer to a click is probably too large.
-const MUCH: f64 = 0.35;
+const MUCH: f64 = 0.25;
 /// Number of image borders that a probably too large answer touches.
 const MANY_BORDERS: usize = 3;
 
@@ -67,7 +67,17 @@ fn message(session: &SessionView<'_>, view: &ViewState) -> Option<String> {
     let mask = &session.project.masks.get(&frame)?.runs;
     let is_include = prompt.clicks.last().is_some_and(|click| click.include);
     if is_include && LabelSpread::of(mask, label).is_much() {
-        return Some("Too much? Right-click what does not belong, or drag a box.".into());
+        return Some(
+            "Too much? Right-click what does not belong, or drag a box. For a stem, use Stem & wire."
+                .into(),
+        );
+    }
+    let is_first = session.project.prompts.len() == 1 && session.project.masks.len() == 1;
+    if is_include && is_first && prompt.clicks.len() == 1 && size == AnswerSize::Automatic {
+        let name = &session.project.labels.get(label)?.name;
+        return Some(format!(
+            "Labelled as '{name}'. Ctrl+click labels another object."
+        ));
     }
     (size != AnswerSize::Automatic).then(|| format!("Answer to the last click: {}", size.name()))
 }

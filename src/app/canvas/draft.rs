@@ -48,6 +48,20 @@ impl Tool {
             Self::Stem => "Stem & wire",
         }
     }
+
+    /// Returns what the buttons of the pointer do over the image.
+    pub(crate) fn help(self) -> &'static str {
+        match self {
+            Self::Click => {
+                "Left click includes, right click excludes, drag draws a box, Ctrl+click labels another object"
+            }
+            Self::Brush => "Drag paints the label, Ctrl or the right button erases",
+            Self::Eraser => "Drag erases the label",
+            Self::Polygon => "Click adds a corner, drag draws freely, double click fills",
+            Self::Border => "Press on the border of the label and drag it",
+            Self::Stem => "Click along the stem from one end to the other, double click ends",
+        }
+    }
 }
 
 /// Brush stroke, in image pixels.

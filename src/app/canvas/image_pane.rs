@@ -118,7 +118,8 @@ fn draw(
     }
     if let (Some(mask), Some(request)) = (session.hovered, &view.hover_request) {
         let color = paint::color_of(session, request.label);
-        view.preview.draw(&painter, map, mask, color);
+        let pointer = view.pointer_px.map(|at| map.to_screen(at));
+        view.preview.draw(&painter, map, mask, color, pointer);
     }
     let pointer = view.pointer_px.map(|at| map.to_screen(at));
     paint::prompts_and_draft(&painter, map, session, view, pointer);
@@ -279,9 +280,11 @@ fn hover_request_at(
     view: &ViewState,
 ) -> Option<PromptRequest> {
     let at_px = map.inside(map.to_px(at))?;
+    // Without labels, a click adds the first one.
     let label = view
         .label
-        .filter(|&label| session.project.labels.get(label).is_some())?;
+        .filter(|&label| session.project.labels.get(label).is_some())
+        .unwrap_or_else(|| session.project.labels.next_id());
     // A click there would change nothing.
     let mask = session.project.masks.get(&view.frame);
     if mask.is_some_and(|mask| id_at(&mask.runs, at_px) == label) {

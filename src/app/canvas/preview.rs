@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use egui::{Color32, Painter, Pos2, Shape, Stroke};
+use egui::{Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Vec2};
 use glam::DVec2;
 
 use super::map::CanvasMap;
@@ -18,19 +18,23 @@ const TOLERANCE_PX: f64 = 0.7;
 pub struct PreviewOutline {
     of: Option<Arc<RunMask>>,
     rings_px: Vec<Vec<DVec2>>,
+    /// Share of the image inside.
+    share: f64,
 }
 
 impl PreviewOutline {
-    /// Draws the outline of the labelled pixels of a mask.
+    /// Draws the outline of the labelled pixels of a mask, and their share of the image at the pointer.
     pub(super) fn draw(
         &mut self,
         painter: &Painter,
         map: &CanvasMap,
         mask: &Arc<RunMask>,
         color: Color32,
+        pointer: Option<Pos2>,
     ) {
         if !self.of.as_ref().is_some_and(|of| Arc::ptr_eq(of, mask)) {
             self.rings_px = rings_of(&mask.decode());
+            self.share = share_of(mask);
             self.of = Some(Arc::clone(mask));
         }
         let [dash, gap] = DASH;
@@ -42,7 +46,27 @@ impl PreviewOutline {
                 painter.extend(dashes);
             }
         }
+        if let Some(at) = pointer.filter(|_| !self.rings_px.is_empty()) {
+            let text = format!("{:.1} % of the image", 100.0 * self.share);
+            let font = FontId::proportional(12.0);
+            let text = painter.layout_no_wrap(text, font, Color32::WHITE);
+            let place = Rect::from_min_size(at + Vec2::new(14.0, 18.0), text.size());
+            painter.rect_filled(place.expand(3.0), 3.0, Color32::from_black_alpha(170));
+            painter.galley(place.min, text, Color32::WHITE);
+        }
     }
+}
+
+/// Returns the share of the pixels that have a label.
+fn share_of(mask: &RunMask) -> f64 {
+    let labelled: u64 = mask
+        .runs
+        .iter()
+        .filter(|(id, _)| *id != LabelId::NONE)
+        .map(|&(_, length)| u64::from(length))
+        .sum();
+    let all = u64::from(mask.width) * u64::from(mask.height);
+    labelled as f64 / all.max(1) as f64
 }
 
 /// Returns the borders of the labelled pixels.
@@ -76,6 +100,8 @@ mod tests {
         }
         let rings = rings_of(&mask);
         assert_eq!(rings.len(), 2, "{rings:?}");
+        let share = share_of(&RunMask::encode(&mask));
+        assert!((share - 48.0 / 144.0).abs() < 1e-9, "{share}");
         assert!(rings[0].contains(&DVec2::new(2.0, 2.0)));
         assert!(rings[1].contains(&DVec2::new(8.0, 8.0)), "{rings:?}");
     }

@@ -115,7 +115,10 @@ fn row_ui(
 /// Shows whether a network is installed, its size and, on hover, its paths.
 fn state_ui(ui: &mut Ui, row: &ModelStatus) {
     let Some(installed) = &row.installed else {
-        ui.weak("not installed")
+        let size = row
+            .download_bytes
+            .map_or(String::new(), |bytes| format!(", {}", megabytes(bytes)));
+        ui.weak(format!("not installed{size}"))
             .on_hover_text(format!("It comes from {}", row.source));
         return;
     };
@@ -288,11 +291,11 @@ fn accepting_ui(ui: &mut Ui, view: &mut ViewState, row: &ModelStatus, out: &mut 
 }
 
 fn running_ui(ui: &mut Ui, job: &JobView) {
-    let share = job.report.done as f32 / job.report.total.max(1) as f32;
-    let bar = ProgressBar::new(share)
+    let fraction = job.overview.fraction;
+    let bar = ProgressBar::new(fraction.unwrap_or(0.0) as f32)
         .desired_width(110.0)
         .desired_height(6.0)
-        .animate(job.report.total == 0);
+        .animate(fraction.is_none());
     ui.add(bar)
         .accessible_name(format!("Progress of {}", job.title));
     ui.weak(progress_text(job));

@@ -4,13 +4,15 @@ use crate::shortcuts::pressed_keys;
 use crate::tooltips::add_explained;
 use crate::{Action, MenuName, ViewState};
 
-const POINTER: [(&str, &str); 12] = [
+const POINTER: [(&str, &str); 14] = [
     ("Left click", "Include"),
+    ("Ctrl + click, Ctrl + drag", "Label another object"),
     ("Right click", "Exclude"),
     ("Left drag", "Box"),
     ("Wheel", "Zoom at the pointer"),
     ("Middle drag, Space + drag", "Move the image"),
     ("Shift + wheel", "Size of the brush"),
+    ("Alt + wheel", "Size of the last answer"),
     ("Ctrl + brush, right button", "Erase"),
     ("3-D: left drag", "Orbit"),
     ("3-D: right drag", "Pan"),

@@ -142,6 +142,14 @@ fn image(
     let Some(image) = session.images.and_then(|images| images.thumbnail(frame)) else {
         ui.painter()
             .rect_filled(place, 2.0, ui.visuals().extreme_bg_color);
+        if failure(session, frame).is_some() {
+            let (centre, arm) = (place.center(), 0.2 * place.height());
+            let stroke = egui::Stroke::new(2.0, ui.visuals().error_fg_color);
+            for end in [Vec2::splat(arm), Vec2::new(arm, -arm)] {
+                ui.painter()
+                    .line_segment([centre - end, centre + end], stroke);
+            }
+        }
         return;
     };
     let texture = textures.thumbnail(ui.ctx(), frame, &image);
@@ -156,6 +164,11 @@ fn image(
     if let Some(mask) = masks.texture(ui.ctx(), session.project, size, frame) {
         ui.painter().image(mask.id(), fitted, UV, Color32::WHITE);
     }
+}
+
+/// Returns why the image of a frame cannot be shown.
+fn failure(session: &SessionView<'_>, frame: usize) -> Option<String> {
+    session.images?.failure(frame)
 }
 
 fn caption(ui: &Ui, tile: Tile, state: FrameState, shown: bool) {
@@ -243,6 +256,9 @@ fn tooltip_ui(
         return;
     };
     ui.strong(format!("{frame}  {}", shown.name));
+    if let Some(why) = failure(session, frame) {
+        ui.colored_label(ui.visuals().error_fg_color, why);
+    }
     ui.label(format!("{} × {}", shown.width, shown.height));
     let has = |yes: bool| if yes { "yes" } else { "no" };
     ui.label(format!(

@@ -193,7 +193,15 @@ pub(super) fn results_ui(ui: &mut Ui, session: &SessionView<'_>) {
                 );
                 ui.label(name).on_hover_text(&tip);
                 ui.weak(record.engine.name()).on_hover_text(tip);
-                if record.stale {
+                // Masks say themselves whether they are up to date, as the step Track shows.
+                let is_stale = match kind {
+                    ResultKind::Tracking => {
+                        let mut masks = session.project.masks.values();
+                        masks.any(|mask| mask.stale)
+                    }
+                    _ => record.stale,
+                };
+                if is_stale {
                     let text = RichText::new("stale").color(ui.visuals().warn_fg_color);
                     ui.label(text).on_hover_text(
                         "Out of date: its inputs have changed since; run it again when needed",

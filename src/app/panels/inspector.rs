@@ -93,9 +93,12 @@ pub(crate) fn point_ui(
     ui.weak(format!("at {:.4}, {:.4}, {:.4}", at.x, at.y, at.z))
         .on_hover_text(position_unit(session));
     scale_unknown_ui(ui, session, view);
-    let confidence = inspected_point.cloud.confidence[inspected_point.point];
-    ui.label(format!("{:.0} % of the votes", 100.0 * confidence));
-    if inspected_point.votes.is_empty() {
+    // A PLY file on its own need not come from a vote.
+    if session.root.is_some() {
+        let confidence = inspected_point.cloud.confidence[inspected_point.point];
+        ui.label(format!("{:.0} % of the votes", 100.0 * confidence));
+    }
+    if inspected_point.votes.is_empty() && session.root.is_some() {
         ui.weak("No frame with a mask shows this point.");
     }
     for &(label, votes) in &inspected_point.votes {

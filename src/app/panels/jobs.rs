@@ -58,7 +58,7 @@ pub(crate) fn status_ui(
 
 fn pointer_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState) {
     let Some(at) = view.pointer_px else {
-        ui.weak("Left click to include, right click to exclude, drag for a box");
+        ui.weak(view.tool.help());
         return;
     };
     ui.label(
@@ -90,6 +90,7 @@ fn pointer_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState) {
     } else {
         ui.weak("no label");
     }
+    ui.add(egui::Label::new(RichText::new(view.tool.help()).weak()).truncate());
 }
 
 /// Draws the running jobs with their progress and stop button.

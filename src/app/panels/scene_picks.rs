@@ -252,6 +252,10 @@ fn may_inspect(ui: &Ui, session: &SessionView<'_>, view: &ViewState) -> bool {
 fn tell(response: &Response, session: &SessionView<'_>, cloud: &LabelledCloud, point: usize) {
     response.clone().on_hover_ui_at_pointer(|ui| {
         label_ui(ui, labels_of(session), cloud.labels[point]);
+        // A PLY file on its own need not come from a vote.
+        if session.root.is_none() {
+            return;
+        }
         let share = format!("{:.0} % of the votes", 100.0 * cloud.confidence[point]);
         ui.weak(if session.votes.is_some() {
             format!("{share}; click to see the votes")

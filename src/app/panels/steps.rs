@@ -132,7 +132,7 @@ fn step_ui(
 fn purpose(step: WorkflowStep) -> &'static str {
     match step {
         WorkflowStep::Label => {
-            "Click on each object in one image; a right click takes away, a drag draws a box."
+            "Click on an object. Right click takes away, a drag draws a box, Ctrl+click labels another one."
         }
         WorkflowStep::Track => {
             "Carry the masks from keyframes to the other frames, then check them."
@@ -182,7 +182,7 @@ fn measure_ui(
     ui.horizontal(|ui| {
         let action = Action::ToggleMeasures;
         let reason = action.unavailable(session, view);
-        let button = action_button(ui, &view.prefs.shortcuts, action, "Measures", reason);
+        let button = action_button(ui, &view.prefs.shortcuts, action, "Table of traits", reason);
         if button.clicked() {
             requests.actions.push(action);
         }

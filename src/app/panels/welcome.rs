@@ -255,8 +255,9 @@ fn buttons_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState, actions:
         ui.horizontal(|ui| {
             ui.spinner();
             ui.label(format!("{}: {}", job.title, progress_text(job)));
-            let share = job.report.done as f32 / job.report.total.max(1) as f32;
-            let bar = egui::ProgressBar::new(share)
+            let fraction = job.overview.fraction;
+            let bar = egui::ProgressBar::new(fraction.unwrap_or(0.0) as f32)
+                .animate(fraction.is_none())
                 .desired_width(180.0)
                 .desired_height(8.0);
             ui.add(bar)

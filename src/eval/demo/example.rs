@@ -8,7 +8,7 @@ use anyhow::{Context, Result, bail};
 
 use super::run::{DemoMethod, new_project};
 use crate::synthetic::{Scene, SceneOptions};
-use ostra_core::job::Progress;
+use ostra_core::job::{PlannedStage, Progress};
 use ostra_session::{Command, Event, NewProject, Session};
 
 /// Makes the images, depths and cameras of a scene in `folder/recording`, and a project of them.
@@ -23,6 +23,10 @@ pub fn make_example(folder: &Path, scene: &SceneOptions, progress: &Progress) ->
     if root.join("project.toml").is_file() {
         return Ok(root);
     }
+    progress.plan(&[
+        PlannedStage::new("render", "Render the images", 20.0),
+        PlannedStage::new("create the project", "Create the project", 1.0),
+    ]);
     let scene = Scene::build(scene)?;
     let recording = folder.join("recording");
     if !recording.exists() {

@@ -145,7 +145,12 @@ impl Session {
         };
         let edits = meaning.edits(&project, region)?;
         let name = label_name(&project, request.label)?;
-        let title = format!("Prompt {name} on frame {}", request.frame);
+        let how = if request.prompt.clicks.is_empty() {
+            "Box around"
+        } else {
+            "Click on"
+        };
+        let title = format!("{how} {name}, frame {}", request.frame);
         let unchanged = if replaces_last && self.shows(request.frame, &edits) {
             Some(format!(
                 "There is no {} answer to this click; try another place, or the brush",

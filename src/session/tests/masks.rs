@@ -104,7 +104,7 @@ fn prompt_segments_and_an_empty_prompt_removes_the_label() {
         "{}",
         region.area()
     );
-    assert_eq!(session.undo_title(), Some("Prompt stone on frame 0"));
+    assert_eq!(session.undo_title(), Some("Click on stone, frame 0"));
     assert_eq!(
         session.project().unwrap().masks[&0].origin,
         MaskOrigin::Keyframe

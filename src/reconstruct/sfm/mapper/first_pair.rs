@@ -158,6 +158,10 @@ impl Mapper<'_> {
             };
             let cameras =
                 [a, b].map(|image| &self.model.cameras[self.problem.images[image as usize].camera]);
+            // Images from one place say nothing of the motion.
+            if first.centre().distance(second.centre()) <= f64::EPSILON {
+                continue;
+            }
             let essential = essential_from_pose(&second.compose(&first.inverse()));
             let px = 0.25
                 * cameras
