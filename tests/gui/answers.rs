@@ -204,6 +204,19 @@ fn ctrl_click_and_ctrl_drag_label_a_new_object() {
 }
 
 #[test]
+fn first_new_object_has_the_name_that_a_click_gives() {
+    let mut desk = Desk::sample();
+    desk.project.labels = Default::default();
+    desk.project.masks.clear();
+    let mut harness = desk.shown();
+    harness.event(egui::Event::ModifiersChanged(Modifiers::COMMAND));
+    let at = on_screen(&harness, 5.5, 5.5);
+    click_at(&mut harness, at, PointerButton::Primary);
+    assert_eq!(added(&harness), [("object 1".to_owned(), None)]);
+    assert_eq!(prompts(&harness)[0].label, LABEL);
+}
+
+#[test]
 fn press_on_the_image_takes_the_keyboard_and_the_typed_label() {
     let mut harness = Desk::sample().shown();
     let next = harness.state().project.labels.next_id();
