@@ -135,6 +135,47 @@ fn box_and_border_obey_a_drag_within_one_or_two_slow_frames() {
 }
 
 #[test]
+fn slow_frame_that_ends_one_drag_and_begins_the_next_gives_both_boxes() {
+    let mut harness = Desk::sample().shown();
+    let at = |x, y| on_screen(&harness, x, y);
+    let first = [at(10.0, 12.0), at(25.0, 20.0)];
+    let second = [at(30.0, 25.0), at(50.0, 40.0)];
+    let press = |pos, pressed| egui::Event::PointerButton {
+        pos,
+        button: PointerButton::Primary,
+        pressed,
+        modifiers: Modifiers::NONE,
+    };
+    let moved = egui::Event::PointerMoved;
+    harness.hover_at(first[0]);
+    harness.run_steps(1);
+    for events in [
+        vec![press(first[0], true)],
+        vec![
+            moved(first[1]),
+            press(first[1], false),
+            moved(second[0]),
+            press(second[0], true),
+        ],
+        vec![moved(second[1]), press(second[1], false)],
+    ] {
+        harness.input_mut().events.extend(events);
+        harness.run_steps(1);
+    }
+    harness.run_steps(2);
+    let requested = prompts(&harness.state().requested);
+    let corners: Vec<glam::DVec2> = requested
+        .iter()
+        .filter_map(|request| request.prompt.boxes.last())
+        .map(|px_box| px_box.min_px)
+        .collect();
+    assert_eq!(corners.len(), 2, "{requested:?}");
+    for (corner, expected) in corners.into_iter().zip([(10.0, 12.0), (30.0, 25.0)]) {
+        assert!(corner.distance(expected.into()) < 0.3, "{corner}");
+    }
+}
+
+#[test]
 fn clicks_outside_the_image_request_nothing() {
     let mut harness = Desk::sample().shown();
     let outside = on_screen(&harness, -0.5, 20.0);
