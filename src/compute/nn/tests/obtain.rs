@@ -9,7 +9,7 @@ use flate2::write::GzEncoder;
 use zip::write::SimpleFileOptions;
 
 use super::super::{
-    Added, Catalogue, CatalogueEntry, Dialect, InstallOptions, NnError, Runtime, TestResult,
+    Added, Catalogue, CatalogueEntry, Dialect, InstallOptions, NnError, Runtime, TestResult, add,
     addresses, check, install, list, load_with_dialect, record_test, remove,
 };
 use super::server::{Server, digest, public};
@@ -307,6 +307,35 @@ fn variant_can_be_chosen_and_replaced() {
     assert_eq!(listed.len(), 2);
     assert_eq!(listed[1].variant, "int8");
     assert_eq!(listed[1].urls, [server.url("encoder-x.onnx")]);
+}
+
+#[test]
+#[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
+fn added_variant_of_the_same_interface_is_known_by_its_digest() {
+    Runtime::find().unwrap();
+    let scratch = tempfile::tempdir().unwrap();
+    let variant = |name: &str, file: &str| {
+        format!(
+            "[[entry.variant]]\nname = '{name}'\nsummary = 's'\n[[entry.variant.file]]\nname = 'net.onnx'\nsha256 = '{}'\n",
+            digest(&public(file))
+        )
+    };
+    let catalogue = entry_of(
+        &(variant("half", "decoder-multi.onnx") + &variant("int8", "decoder-single.onnx")),
+    );
+    let entry = catalogue.entry("net").unwrap();
+    for (file, expected) in [
+        ("decoder-single.onnx", "int8"),
+        ("decoder-multi.onnx", "half"),
+    ] {
+        let given = scratch.path().join(file);
+        fs::write(&given, public(file)).unwrap();
+        let folder = scratch.path().join(expected);
+        let added = add(&catalogue, &folder, "net", &[given]).unwrap();
+        assert!(added[0].is_known, "{file}");
+        let variant = variant_of(entry, &catalogue, &folder);
+        assert_eq!(variant.as_deref(), Some(expected));
+    }
 }
 
 #[test]
