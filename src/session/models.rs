@@ -102,11 +102,11 @@ pub fn test_model(name: &str, progress: &Progress) -> Result<NetworkTest> {
     if let Err(error) = Runtime::find() {
         return Ok(NetworkTest::Untested(error.to_string()));
     }
-    let is_installed = |other: &str| {
+    let is_usable = |other: &str| {
         let other = catalogue.entry(other);
-        other.is_ok_and(|other| other.installed(&folder).is_some())
+        other.is_ok_and(|other| other.is_usable(&folder))
     };
-    let outcome = test_network(&folder, name, &is_installed, progress)?;
+    let outcome = test_network(&folder, name, &is_usable, progress)?;
     if let Some(result) = outcome.result() {
         record_test(&catalogue, &folder, name, &result)?;
     }

@@ -286,7 +286,7 @@ fn variant_can_be_chosen_and_replaced() {
         &TestResult::Failed("wrong".into()),
     )
     .unwrap();
-    assert!(entry.tested(scratch.path()).is_some());
+    assert!(entry.tested(scratch.path()).is_some() && !entry.is_usable(scratch.path()));
     let chosen = |name: &str| InstallOptions {
         variant: Some(name.to_owned()),
         ..InstallOptions::default()
@@ -301,6 +301,7 @@ fn variant_can_be_chosen_and_replaced() {
         None,
         "the result was of other files"
     );
+    assert!(entry.is_usable(scratch.path()));
     let error = install_with(&catalogue, scratch.path(), &chosen("half")).unwrap_err();
     assert_one_line(&error, &["no variant `half`", "full, int8"]);
     let listed = addresses(&catalogue, Some("net")).unwrap();
