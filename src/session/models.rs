@@ -84,7 +84,7 @@ pub fn install_model(
 
 /// Asks an installed network questions with known answers, and remembers the result.
 ///
-/// `auto` does not use a network whose answers are wrong.
+/// A network that does not run or whose answers are wrong is not used.
 ///
 /// # Errors
 ///
@@ -181,7 +181,7 @@ fn done(request: &ModelRequest, progress: &Progress) -> Result<Vec<String>> {
 #[must_use]
 pub fn failed_test_text(name: &str, what: &str) -> String {
     format!(
-        "`{name}` loads, but its answers are wrong ({what}); it is not used. Remove it with `ostra models remove {name}`"
+        "`{name}` failed its test ({what}) and is not used; remove it with `ostra models remove {name}`"
     )
 }
 

@@ -51,7 +51,7 @@ const SHIFT_PX: [usize; 2] = [27, 13];
 pub enum NetworkTest {
     /// The answers are right; the text has figures.
     Passed(String),
-    /// The answers are wrong.
+    /// The network does not run, or its answers are wrong.
     Failed(String),
     /// No test was made, for this reason.
     Untested(String),

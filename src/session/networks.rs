@@ -209,7 +209,7 @@ impl Tracker for KeptTracker {
 
 /// Returns whether a network and ONNX Runtime are installed.
 ///
-/// A network that gave wrong answers in its test does not count.
+/// A network that failed its test does not count.
 pub(crate) fn is_usable(network: &str) -> bool {
     let is_there = || {
         let (catalogue, folder) = (Catalogue::load().ok()?, models_folder().ok()?);
@@ -218,7 +218,7 @@ pub(crate) fn is_usable(network: &str) -> bool {
     is_there() == Some(true) && Runtime::find().is_ok()
 }
 
-/// Returns those of some networks that are installed but gave wrong answers, with what was wrong.
+/// Returns those of some networks that are installed but failed their tests, with what was wrong.
 pub(crate) fn failed_networks(networks: &[&'static str]) -> Vec<(&'static str, String)> {
     let (Ok(catalogue), Ok(folder)) = (Catalogue::load(), models_folder()) else {
         return Vec::new();

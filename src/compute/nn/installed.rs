@@ -61,7 +61,7 @@ pub struct VariantStatus {
 pub enum TestResult {
     /// The answers were right.
     Passed,
-    /// The network loads and runs, but gives other answers.
+    /// The network does not run, or gives other answers.
     Failed(String),
 }
 
