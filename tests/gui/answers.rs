@@ -234,7 +234,7 @@ fn press_on_the_image_takes_the_keyboard_and_the_typed_label() {
     assert!(!harness.ctx.text_edit_focused());
     assert_eq!(added(&harness), [("pod".to_owned(), None)]);
     let label = prompts(&harness).first().map(|request| request.label);
-    assert!(label.is_none_or(|label| label == next), "{label:?}");
+    assert_eq!(label, Some(next), "the box is that of the typed label");
     press(&mut harness, Modifiers::NONE, Key::P);
     assert_eq!(
         harness.state().shell.view.tool,
