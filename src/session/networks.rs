@@ -62,8 +62,7 @@ impl<T> Kept<T> {
         name: &'static str,
         load: impl FnOnce(&Path) -> Result<T, NnError>,
     ) -> Result<Arc<T>, MaskError> {
-        let network = || self.of_files(NetworkFiles::of(name)?, || load(&models_folder()?));
-        network().map_err(|error| MaskError::Network(error.to_string()))
+        Ok(self.of_files(NetworkFiles::of(name)?, || load(&models_folder()?))?)
     }
 
     fn of_files(

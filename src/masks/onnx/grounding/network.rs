@@ -225,11 +225,7 @@ impl GroundingDino {
         progress: &Progress,
     ) -> Result<RawAnswer, MaskError> {
         let is_wanted = || progress.check().is_ok();
-        let answer = self
-            .network
-            .run_while(inputs, &is_wanted)
-            .map_err(failed)?
-            .ok_or(Stopped)?;
+        let answer = self.network.run_while(inputs, &is_wanted)?.ok_or(Stopped)?;
         if let [logits, boxes] = answer.as_slice()
             && let [1, queries, tokens] = *logits.shape()
             && tokens == given
@@ -254,19 +250,11 @@ impl GroundingDino {
 /// Returns the image of an input.
 fn planes(input: &NetworkInput) -> Result<Tensor, MaskError> {
     let shape = [1, 3, input.rows, input.columns];
-    Tensor::floats(&shape, input.planes()).map_err(failed)
+    Tensor::floats(&shape, input.planes()).map_err(MaskError::from)
 }
 
 fn integers(shape: &[usize], values: Vec<i64>) -> Result<Tensor, MaskError> {
-    Tensor::integers(shape, values).map_err(failed)
-}
-
-#[expect(
-    clippy::needless_pass_by_value,
-    reason = "functions that convert errors take them by value"
-)]
-fn failed(error: NnError) -> MaskError {
-    MaskError::Network(error.to_string())
+    Tensor::integers(shape, values).map_err(MaskError::from)
 }
 
 impl TextGrounder for GroundingDino {
