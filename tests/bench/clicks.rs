@@ -27,7 +27,7 @@ use std::sync::Arc;
 use glam::DVec2;
 use ostra_core::job::Progress;
 use ostra_eval::simulated_click::next_click;
-use ostra_frames::{DepthMap, Frame, FrameFolder, FrameStore, Image, OpenRequest, open};
+use ostra_frames::{Frame, FrameFolder, FrameStore, Image, OpenRequest, open};
 use ostra_masks::graph_cut::BuiltinSegmenter;
 use ostra_masks::graph_cut::ranked_click::{RankedClick, RankedFrame};
 use ostra_masks::graph_cut::ranking::{WEIGHTS, best};
