@@ -24,25 +24,31 @@ pub(crate) fn pointer_path(ui: &Ui, buttons: &[PointerButton]) -> Vec<Pos2> {
     })
 }
 
-/// Returns where the primary button was pressed and released in this frame, in screen points.
+/// A press or a release of the primary button, in screen points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum PrimaryEnd {
+    Pressed(Pos2),
+    Released(Pos2),
+}
+
+/// Returns the presses and releases of the primary button in this frame, in their order.
 ///
-/// A press before the last release of the frame is returned too. egui reports no drag if the
-/// pointer moves and the button is released in one slow frame; the events always have both.
-pub(crate) fn primary_ends(ui: &Ui) -> (Option<Pos2>, Option<Pos2>) {
-    ui.input(|input| {
-        let last = |down| {
-            input.events.iter().rev().find_map(|event| match event {
-                Event::PointerButton {
-                    pos,
-                    button: PointerButton::Primary,
-                    pressed,
-                    ..
-                } if *pressed == down => Some(*pos),
-                _ => None,
-            })
-        };
-        (last(true), last(false))
-    })
+/// egui reports no drag if the pointer moves and the button is released in one slow frame, which
+/// may even end one drag and begin the next; the events always have both.
+pub(crate) fn primary_ends(ui: &Ui) -> Vec<PrimaryEnd> {
+    let end = |event: &Event| match *event {
+        Event::PointerButton {
+            pos,
+            button: PointerButton::Primary,
+            pressed,
+            ..
+        } => Some(match pressed {
+            true => PrimaryEnd::Pressed(pos),
+            false => PrimaryEnd::Released(pos),
+        }),
+        _ => None,
+    };
+    ui.input(|input| input.events.iter().filter_map(end).collect())
 }
 
 fn place(event: &Event) -> Option<Pos2> {

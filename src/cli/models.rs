@@ -122,7 +122,7 @@ pub(super) fn models(command: &ModelsCommand) -> Result<()> {
 /// Tests an installed network.
 ///
 /// # Errors
-/// Fails if its answers are wrong.
+/// Fails if it does not run or its answers are wrong.
 fn test(name: &str) -> Result<()> {
     match test_model(name, &Progress::default())? {
         NetworkTest::Passed(figures) => print_text(&format!("{name}: test passed: {figures}\n")),
@@ -187,7 +187,7 @@ fn lines(row: &ModelStatus) -> String {
             let test = match &row.tested {
                 Some(TestResult::Passed) => "; test passed".to_owned(),
                 Some(TestResult::Failed(what)) => {
-                    format!("; not used, its answers are wrong: {what}")
+                    format!("; not used, its test failed: {what}")
                 }
                 None => String::new(),
             };

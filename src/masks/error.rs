@@ -1,5 +1,6 @@
 use std::path::PathBuf;
 
+use ostra_compute::nn::NnError;
 use ostra_core::disk;
 use ostra_core::job::Stopped;
 use ostra_frames::FrameError;
@@ -41,4 +42,10 @@ pub enum MaskError {
     /// The user stopped the operation.
     #[error(transparent)]
     Stopped(#[from] Stopped),
+}
+
+impl From<NnError> for MaskError {
+    fn from(error: NnError) -> Self {
+        Self::Network(error.to_string())
+    }
 }

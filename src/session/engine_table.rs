@@ -61,7 +61,7 @@ pub(crate) trait EngineId: EngineName {
                 let failed: String = failed_networks(spec.networks)
                     .iter()
                     .map(|(network, what)| {
-                        format!("; {network} is installed, but its answers are wrong ({what})")
+                        format!("; {network} is installed, but failed its test ({what})")
                     })
                     .collect();
                 bail!(

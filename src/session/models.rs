@@ -84,7 +84,7 @@ pub fn install_model(
 
 /// Asks an installed network questions with known answers, and remembers the result.
 ///
-/// `auto` does not use a network whose answers are wrong.
+/// A network that does not run or whose answers are wrong is not used.
 ///
 /// # Errors
 ///
@@ -102,11 +102,11 @@ pub fn test_model(name: &str, progress: &Progress) -> Result<NetworkTest> {
     if let Err(error) = Runtime::find() {
         return Ok(NetworkTest::Untested(error.to_string()));
     }
-    let is_installed = |other: &str| {
+    let is_usable = |other: &str| {
         let other = catalogue.entry(other);
-        other.is_ok_and(|other| other.installed(&folder).is_some())
+        other.is_ok_and(|other| other.is_usable(&folder))
     };
-    let outcome = test_network(&folder, name, &is_installed, progress)?;
+    let outcome = test_network(&folder, name, &is_usable, progress)?;
     if let Some(result) = outcome.result() {
         record_test(&catalogue, &folder, name, &result)?;
     }
@@ -181,7 +181,7 @@ fn done(request: &ModelRequest, progress: &Progress) -> Result<Vec<String>> {
 #[must_use]
 pub fn failed_test_text(name: &str, what: &str) -> String {
     format!(
-        "`{name}` loads, but its answers are wrong ({what}); it is not used. Remove it with `ostra models remove {name}`"
+        "`{name}` failed its test ({what}) and is not used; remove it with `ostra models remove {name}`"
     )
 }
 

@@ -51,7 +51,7 @@ const SHIFT_PX: [usize; 2] = [27, 13];
 pub enum NetworkTest {
     /// The answers are right; the text has figures.
     Passed(String),
-    /// The answers are wrong.
+    /// The network does not run, or its answers are wrong.
     Failed(String),
     /// No test was made, for this reason.
     Untested(String),
@@ -103,18 +103,22 @@ impl From<NnError> for Interrupted {
 
 /// Asks the network installed in `folder` under `name` questions with known answers.
 ///
+/// A matcher is tested with the features of another network, if that `is_usable`.
+///
 /// # Errors
 ///
 /// Returns an error if the user stops it. A network that does not load or run has failed.
 pub(crate) fn test_network(
     folder: &Path,
     name: &str,
-    is_installed: &dyn Fn(&str) -> bool,
+    is_usable: &dyn Fn(&str) -> bool,
     progress: &Progress,
 ) -> Result<NetworkTest, ostra_core::job::Stopped> {
     let needs = |other: &str| {
-        (!is_installed(other)).then(|| {
-            NetworkTest::Untested(format!("its test needs `{other}`, which is not installed"))
+        (!is_usable(other)).then(|| {
+            NetworkTest::Untested(format!(
+                "its test needs `{other}`, which is not installed or failed its own test"
+            ))
         })
     };
     let verdict = match name {

@@ -1,8 +1,7 @@
 //! Networks that the first job that needs them loads, so that the window never waits for one.
 
-use std::path::PathBuf;
+use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::SystemTime;
 
 use crate::embeddings::Embeddings;
 use ostra_compute::nn::{Catalogue, NnError, Runtime, TestResult, models_folder};
@@ -20,25 +19,71 @@ use ostra_tracking::deaot::Deaot;
 use ostra_tracking::flow::{DenseFeatures, FeatureMap};
 use ostra_tracking::xmem::XMem;
 
-/// A network that is loaded at its first use, on that thread, and kept until the program ends.
-struct Kept<T>(Mutex<Option<Arc<T>>>);
+/// A network that is loaded at its first use, on that thread, and kept.
+///
+/// Another one is loaded when another network or other files are to be used: a better one or another
+/// variant may be installed meanwhile.
+struct Kept<T>(Mutex<Option<KeptNetwork<T>>>);
+
+struct KeptNetwork<T> {
+    files: NetworkFiles,
+    network: Arc<T>,
+}
+
+/// The files of an installed network.
+#[derive(PartialEq)]
+struct NetworkFiles {
+    /// Name in the catalogue.
+    name: &'static str,
+    /// Sizes and times; none if it is not installed.
+    stamps: Vec<String>,
+}
+
+impl NetworkFiles {
+    fn of(name: &'static str) -> Result<Self, NnError> {
+        let (catalogue, folder) = (Catalogue::load()?, models_folder()?);
+        let installed = catalogue.entry(name)?.installed(&folder);
+        let stamps = installed.map(|installed| installed.stamps());
+        Ok(Self {
+            name,
+            stamps: stamps.unwrap_or_default(),
+        })
+    }
+}
 
 impl<T> Kept<T> {
     const fn new() -> Self {
         Self(Mutex::new(None))
     }
 
-    fn get(&self, load: impl FnOnce() -> Result<T, NnError>) -> Result<Arc<T>, MaskError> {
+    /// Returns the network called `name`; `load` gets the folder of networks.
+    fn get(
+        &self,
+        name: &'static str,
+        load: impl FnOnce(&Path) -> Result<T, NnError>,
+    ) -> Result<Arc<T>, MaskError> {
+        Ok(self.of_files(NetworkFiles::of(name)?, || load(&models_folder()?))?)
+    }
+
+    fn of_files(
+        &self,
+        files: NetworkFiles,
+        load: impl FnOnce() -> Result<T, NnError>,
+    ) -> Result<Arc<T>, NnError> {
         let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(network) = kept.as_ref() {
-            return Ok(Arc::clone(network));
+        if let Some(kept) = kept.as_ref().filter(|kept| kept.files == files) {
+            return Ok(Arc::clone(&kept.network));
         }
-        let network = Arc::new(load().map_err(|error| MaskError::Network(error.to_string()))?);
-        *kept = Some(Arc::clone(&network));
+        let network = Arc::new(load()?);
+        *kept = Some(KeptNetwork {
+            files,
+            network: Arc::clone(&network),
+        });
         Ok(network)
     }
 }
 
+static SAM: Kept<Sam> = Kept::new();
 static YOLOX: Kept<Yolox> = Kept::new();
 static GROUNDING_DINO: Kept<GroundingDino> = Kept::new();
 static XMEM: Kept<XMem> = Kept::new();
@@ -55,55 +100,6 @@ pub(crate) const SAM_NETWORKS: [&str; 7] = [
     "mobile-sam",
     "efficient-sam",
 ];
-
-/// The network of `sam` that was used last.
-///
-/// Another is loaded when a better one or another variant was installed meanwhile.
-static SAM: Mutex<Option<KeptSamNetwork>> = Mutex::new(None);
-
-struct KeptSamNetwork {
-    name: &'static str,
-    /// Sizes and times of its files.
-    files: Vec<FileStamp>,
-    sam: Arc<Sam>,
-}
-
-/// Size and time of a file.
-type FileStamp = (u64, Option<SystemTime>);
-
-/// Returns a network of `sam`, and loads it if another one is kept.
-fn sam(name: &'static str) -> Result<Arc<Sam>, MaskError> {
-    let unusable = |error: NnError| MaskError::Network(error.to_string());
-    let files = stamps(name).map_err(unusable)?;
-    let mut kept = SAM.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(kept) = kept.as_ref()
-        && kept.name == name
-        && kept.files == files
-    {
-        return Ok(Arc::clone(&kept.sam));
-    }
-    let load = || Sam::load(&models_folder()?, name);
-    let sam = Arc::new(load().map_err(unusable)?);
-    *kept = Some(KeptSamNetwork {
-        name,
-        files,
-        sam: Arc::clone(&sam),
-    });
-    Ok(sam)
-}
-
-/// Returns size and time of the files of an installed network.
-fn stamps(name: &str) -> Result<Vec<FileStamp>, NnError> {
-    let (catalogue, folder) = (Catalogue::load()?, models_folder()?);
-    let installed = catalogue.entry(name)?.installed(&folder);
-    let paths = installed.map(|installed| installed.paths);
-    let stamp = |path: &PathBuf| {
-        let about = std::fs::metadata(path).ok();
-        let modified = about.as_ref().and_then(|about| about.modified().ok());
-        (about.map_or(0, |about| about.len()), modified)
-    };
-    Ok(paths.iter().flatten().map(stamp).collect())
-}
 
 /// Segment Anything with the first of its networks that is installed.
 pub(crate) struct KeptSam {
@@ -124,7 +120,7 @@ impl Segmenter for KeptSam {
         _depth: Option<&Arc<DepthMap>>,
         progress: &Progress,
     ) -> Result<Arc<dyn PreparedFrame>, MaskError> {
-        let sam = sam(self.network)?;
+        let sam = SAM.get(self.network, |folder| Sam::load(folder, self.network))?;
         if self.is_close {
             return Ok(Arc::new(CloseUps::new(sam, Arc::clone(image))));
         }
@@ -139,12 +135,12 @@ impl Segmenter for KeptSam {
 
 /// Returns YOLOX, and loads it at its first use.
 pub(crate) fn yolox() -> Result<Arc<dyn TextGrounder>, MaskError> {
-    Ok(YOLOX.get(|| Yolox::load(&models_folder()?))?)
+    Ok(YOLOX.get("yolox", Yolox::load)?)
 }
 
 /// Returns Grounding DINO, and loads it at its first use.
 pub(crate) fn grounding_dino() -> Result<Arc<dyn TextGrounder>, MaskError> {
-    Ok(GROUNDING_DINO.get(|| GroundingDino::load(&models_folder()?))?)
+    Ok(GROUNDING_DINO.get("grounding-dino", GroundingDino::load)?)
 }
 
 /// XFeat, loaded at its first use.
@@ -154,7 +150,7 @@ pub(crate) struct KeptXFeat;
 impl DenseFeatures for KeptXFeat {
     fn feature_map(&self, grey: &[f32], size: ImageSize) -> Result<FeatureMap, MaskError> {
         XFEAT
-            .get(|| XFeatCells::load(&models_folder()?))?
+            .get("xfeat", XFeatCells::load)?
             .feature_map(grey, size)
     }
 }
@@ -192,14 +188,14 @@ impl Tracker for KeptTracker {
     ) -> Result<Vec<String>, MaskError> {
         match self.network {
             TrackNetwork::XMem => {
-                let mut xmem = XMem::clone(&*XMEM.get(|| XMem::load(&models_folder()?))?);
+                let mut xmem = XMem::clone(&*XMEM.get("xmem", XMem::load)?);
                 xmem.options.short_side = self
                     .seen
                     .map_or(xmem.options.short_side, |(side, _)| Some(side));
                 xmem.track(request, emit, progress)
             }
             TrackNetwork::Deaot => {
-                let mut deaot = Deaot::clone(&*DEAOT.get(|| Deaot::load(&models_folder()?))?);
+                let mut deaot = Deaot::clone(&*DEAOT.get("deaot", Deaot::load)?);
                 let longest = self
                     .seen
                     .map(|(side, longer)| (f64::from(side) * longer).round() as u32);
@@ -212,21 +208,16 @@ impl Tracker for KeptTracker {
 
 /// Returns whether a network and ONNX Runtime are installed.
 ///
-/// A network that gave wrong answers in its test does not count.
+/// A network that failed its test does not count.
 pub(crate) fn is_usable(network: &str) -> bool {
-    let is_installed = || {
+    let is_there = || {
         let (catalogue, folder) = (Catalogue::load().ok()?, models_folder().ok()?);
-        let entry = catalogue.entry(network).ok()?;
-        entry.installed(&folder)?;
-        Some(!matches!(
-            entry.tested(&folder),
-            Some(TestResult::Failed(_))
-        ))
+        Some(catalogue.entry(network).ok()?.is_usable(&folder))
     };
-    is_installed() == Some(true) && Runtime::find().is_ok()
+    is_there() == Some(true) && Runtime::find().is_ok()
 }
 
-/// Returns those of some networks that are installed but gave wrong answers, with what was wrong.
+/// Returns those of some networks that are installed but failed their tests, with what was wrong.
 pub(crate) fn failed_networks(networks: &[&'static str]) -> Vec<(&'static str, String)> {
     let (Ok(catalogue), Ok(folder)) = (Catalogue::load(), models_folder()) else {
         return Vec::new();
@@ -250,4 +241,24 @@ pub(crate) fn superglue_network() -> Option<&'static str> {
     ["superglue-outdoor", "superglue-indoor"]
         .into_iter()
         .find(|network| is_usable(network))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn network_is_loaded_again_when_another_or_other_files_are_to_be_used() {
+        let kept = Kept::new();
+        let of = |name, stamp: &str, load: Result<u8, NnError>| {
+            let stamps = vec![stamp.to_owned()];
+            kept.of_files(NetworkFiles { name, stamps }, || load)
+        };
+        assert_eq!(*of("a", "1", Ok(1)).unwrap(), 1);
+        assert_eq!(*of("a", "1", Ok(2)).unwrap(), 1, "kept");
+        assert_eq!(*of("a", "2", Ok(3)).unwrap(), 3, "other files");
+        assert_eq!(*of("b", "2", Ok(4)).unwrap(), 4, "another network");
+        let broken = NnError::Request("removed".into());
+        assert!(of("b", "", Err(broken)).is_err());
+    }
 }

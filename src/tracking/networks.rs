@@ -4,12 +4,6 @@ use ostra_compute::nn::{Network, NnError, Tensor};
 use ostra_core::job::{Progress, Stopped};
 use ostra_masks::MaskError;
 
-/// Converts a network error to a mask error.
-#[expect(clippy::needless_pass_by_value, reason = "`map_err` hands it over")]
-pub(crate) fn network_error(error: NnError) -> MaskError {
-    MaskError::Network(error.to_string())
-}
-
 /// Runs a network and returns its outputs in order; stops when the user does.
 pub(crate) fn run(
     network: &Network,
@@ -18,9 +12,7 @@ pub(crate) fn run(
 ) -> Result<Vec<Tensor>, MaskError> {
     progress.check()?;
     let outputs = network.run_while(inputs, &|| progress.check().is_ok());
-    outputs
-        .map_err(network_error)?
-        .ok_or_else(|| Stopped.into())
+    outputs?.ok_or_else(|| Stopped.into())
 }
 
 /// Checks that a network has exactly these inputs and at least these outputs.

@@ -1,7 +1,6 @@
 use std::path::Path;
 
 use crate::flow::{DenseFeatures, FeatureMap};
-use crate::networks::network_error;
 use ostra_compute::nn::{Network, NnError, Tensor, load};
 use ostra_core::image::ImageSize;
 use ostra_masks::MaskError;
@@ -43,12 +42,8 @@ impl DenseFeatures for XFeatCells {
         let shown = (0..width * height).map(|at| {
             (at / width).min(size.height - 1) * size.width + (at % width).min(size.width - 1)
         });
-        let input = Tensor::floats(&[1, 1, height, width], shown.map(|at| grey[at]).collect())
-            .map_err(network_error)?;
-        let given = self
-            .network
-            .run(&[("input", &input)])
-            .map_err(network_error)?;
+        let input = Tensor::floats(&[1, 1, height, width], shown.map(|at| grey[at]).collect())?;
+        let given = self.network.run(&[("input", &input)])?;
         let (columns, rows) = (width / CELL_PX, height / CELL_PX);
         let features = given
             .iter()

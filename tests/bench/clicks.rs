@@ -17,6 +17,9 @@
     reason = "a bench prints its table and ends where data is missing"
 )]
 
+#[path = "../support/images.rs"]
+mod images;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -24,7 +27,7 @@ use std::sync::Arc;
 use glam::DVec2;
 use ostra_core::job::Progress;
 use ostra_eval::simulated_click::next_click;
-use ostra_frames::{DepthMap, Frame, FrameFolder, FrameStore, Image, OpenRequest, open};
+use ostra_frames::{Frame, FrameFolder, FrameStore, Image, OpenRequest, open};
 use ostra_masks::graph_cut::BuiltinSegmenter;
 use ostra_masks::graph_cut::ranked_click::{RankedClick, RankedFrame};
 use ostra_masks::graph_cut::ranking::{WEIGHTS, best};
@@ -37,6 +40,8 @@ use ostra_project::prompt::PromptMeaning;
 use ostra_project::{Edit, Project, PromptRequest, SegmenterId};
 use ostra_tracking::flow::FlowTracker;
 use rayon::prelude::*;
+
+use images::{read_depth, read_image};
 
 fn main() {
     let words: Vec<String> = std::env::args()
@@ -483,27 +488,4 @@ fn sorted(folder: &Path) -> Vec<PathBuf> {
     let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
     paths.sort();
     paths
-}
-
-fn read_image(path: &Path) -> Arc<Image> {
-    let image = image::open(path).expect("the image can be read").to_rgb8();
-    Arc::new(Image {
-        width: image.width(),
-        height: image.height(),
-        pixels: image.pixels().map(|pixel| pixel.0).collect(),
-    })
-}
-
-fn read_depth(path: &Path) -> DepthMap {
-    let image = image::open(path)
-        .expect("the depth can be read")
-        .to_luma16();
-    DepthMap {
-        width: image.width(),
-        height: image.height(),
-        depths: image
-            .pixels()
-            .map(|pixel| f32::from(pixel.0[0]) * 1e-3)
-            .collect(),
-    }
 }

@@ -11,6 +11,9 @@
     reason = "a bench prints its table and ends where data is missing"
 )]
 
+#[path = "../support/images.rs"]
+mod images;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -24,6 +27,8 @@ use ostra_masks::graph_cut::BuiltinSegmenter;
 use ostra_masks::{
     Click, LabelId, PreparedFrame, Prompt, PxBox, Region, SegmentRequest, Segmenter,
 };
+
+use images::{read_depth, read_image};
 
 const CAP: usize = 20;
 const SHOWN: [usize; 5] = [1, 3, 5, 10, 20];
@@ -91,7 +96,7 @@ fn davis_frames(root: &Path, names: &[&str]) -> impl Iterator<Item = (String, Ar
                 .join(format!("{at:05}.png"));
             (
                 format!("{clip}-{at}"),
-                image(&folder.join(&images[at])),
+                read_image(&folder.join(&images[at])),
                 mask(&truth, |value| value > 127),
             )
         })
@@ -134,8 +139,8 @@ fn boxes(data: &Path, names: &[&str]) {
 fn shelf_objects(root: &Path, names: &[&str]) -> Vec<(String, Arc<Image>, Arc<DepthMap>, Region)> {
     let mut found = Vec::new();
     for (at, file) in sorted(&root.join("color")).iter().enumerate().step_by(3) {
-        let image = image(&root.join("color").join(file));
-        let depth = Arc::new(depth(&root.join("depth").join(file)));
+        let image = read_image(&root.join("color").join(file));
+        let depth = Arc::new(read_depth(&root.join("depth").join(file)));
         for object in 1..=4u8 {
             let name = format!("shelf{at}-{object}");
             if names.is_empty() || names.contains(&&*name) {
@@ -288,7 +293,7 @@ fn times(root: &Path) {
         let mut runs = Vec::new();
         for clip in ["blackswan", "dance-twirl", "scooter-black"] {
             let image = resized(
-                &image(&root.join("JPEGImages").join(clip).join("00020.jpg")),
+                &read_image(&root.join("JPEGImages").join(clip).join("00020.jpg")),
                 width,
                 height,
             );
@@ -454,35 +459,12 @@ fn sorted(folder: &Path) -> Vec<String> {
     names
 }
 
-fn image(path: &Path) -> Arc<Image> {
-    let image = image::open(path).expect("the image can be read").to_rgb8();
-    Arc::new(Image {
-        width: image.width(),
-        height: image.height(),
-        pixels: image.pixels().map(|pixel| pixel.0).collect(),
-    })
-}
-
 fn mask(path: &Path, is_inside: impl Fn(u8) -> bool) -> Region {
     let image = image::open(path).expect("the mask can be read").to_luma8();
     Region {
         width: image.width(),
         height: image.height(),
         inside: image.pixels().map(|pixel| is_inside(pixel.0[0])).collect(),
-    }
-}
-
-fn depth(path: &Path) -> DepthMap {
-    let image = image::open(path)
-        .expect("the depth can be read")
-        .to_luma16();
-    DepthMap {
-        width: image.width(),
-        height: image.height(),
-        depths: image
-            .pixels()
-            .map(|pixel| f32::from(pixel.0[0]) * 1e-3)
-            .collect(),
     }
 }
 

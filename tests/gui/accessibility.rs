@@ -7,7 +7,7 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use ostra_app::{Dialog, HelpPage};
 use ostra_project::workflow::WorkflowStep;
 
-use crate::desk::{Desk, open_advanced, open_step, press};
+use crate::desk::{Desk, advanced_steps, open_step, press};
 
 const NONE: Modifiers = Modifiers::NONE;
 
@@ -59,14 +59,7 @@ fn every_control_of_every_screen_has_a_name_and_a_role() {
     harness.state_mut().shell.view.dialog = Some(Dialog::NewProject);
     harness.run_steps(4);
     check(&harness, "new project");
-    for step in [
-        WorkflowStep::Label,
-        WorkflowStep::Track,
-        WorkflowStep::Geometry,
-        WorkflowStep::Cloud,
-    ] {
-        let mut harness = Desk::sample().shown();
-        open_advanced(&mut harness, step);
+    for (step, harness) in advanced_steps() {
         check(&harness, &format!("{step:?}"));
     }
     let mut harness = Desk::sample().shown();

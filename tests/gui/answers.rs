@@ -205,6 +205,19 @@ fn ctrl_click_and_ctrl_drag_label_a_new_object() {
 }
 
 #[test]
+fn first_new_object_has_the_name_that_a_click_gives() {
+    let mut desk = Desk::sample();
+    desk.project.labels = Default::default();
+    desk.project.masks.clear();
+    let mut harness = desk.shown();
+    harness.event(egui::Event::ModifiersChanged(Modifiers::COMMAND));
+    let at = on_screen(&harness, 5.5, 5.5);
+    click_at(&mut harness, at, PointerButton::Primary);
+    assert_eq!(added(&harness), [("object 1".to_owned(), None)]);
+    assert_eq!(prompts(&harness)[0].label, LABEL);
+}
+
+#[test]
 fn press_on_the_image_takes_the_keyboard_and_the_typed_label() {
     let mut harness = Desk::sample().shown();
     let next = harness.state().project.labels.next_id();
@@ -222,7 +235,7 @@ fn press_on_the_image_takes_the_keyboard_and_the_typed_label() {
     assert!(!harness.ctx.text_edit_focused());
     assert_eq!(added(&harness), [("pod".to_owned(), None)]);
     let label = prompts(&harness).first().map(|request| request.label);
-    assert!(label.is_none_or(|label| label == next), "{label:?}");
+    assert_eq!(label, Some(next), "the box is that of the typed label");
     press(&mut harness, Modifiers::NONE, Key::P);
     assert_eq!(
         harness.state().shell.view.tool,

@@ -8,7 +8,8 @@ use ostra_masks::{ElasticBorders, LabelId};
 use ostra_session::{Command, MoveBorderRequest, PaintRequest, PromptRequest, TraceRequest};
 
 use crate::desk::{
-    Desk, choose_more, click_at, drag, drag_fast, drag_in_two_frames, flick, hold, on_screen, press,
+    Desk, button_event, choose_more, click_at, drag, drag_fast, drag_in_two_frames, flick, hold,
+    on_screen, press,
 };
 
 fn prompts(requested: &[Command]) -> Vec<&PromptRequest> {
@@ -88,6 +89,17 @@ fn dragging_makes_a_box_and_escape_drops_it() {
     assert!(prompts(&harness.state().requested).is_empty());
 }
 
+/// Returns a place on the border of label 2 on the first frame, in image pixels.
+fn border_of_leaf(harness: &Harness<'_, Desk>) -> glam::DVec2 {
+    let region = harness.state().project.masks[&0]
+        .runs
+        .decode()
+        .region(LabelId(2));
+    ElasticBorders::of(&region)
+        .nearest(glam::DVec2::new(17.0, 21.0))
+        .unwrap()
+}
+
 #[test]
 fn box_and_border_obey_a_drag_within_one_or_two_slow_frames() {
     let whole = |harness: &mut Harness<'_, Desk>, from, to| {
@@ -120,17 +132,47 @@ fn box_and_border_obey_a_drag_within_one_or_two_slow_frames() {
         harness.state_mut().requested.clear();
         harness.state_mut().shell.view.label = Some(LabelId(2));
         harness.state_mut().shell.view.tool = Tool::Border;
-        let region = harness.state().project.masks[&0]
-            .runs
-            .decode()
-            .region(LabelId(2));
-        let border = ElasticBorders::of(&region)
-            .nearest(glam::DVec2::new(17.0, 21.0))
-            .unwrap();
+        let border = border_of_leaf(&harness);
         let from = on_screen(&harness, border.x as f32, border.y as f32);
         let to = on_screen(&harness, border.x as f32 + 6.0, border.y as f32);
         drag(&mut harness, from, to);
         assert_eq!(pulls(&harness.state().requested).len(), 1, "{way}");
+    }
+}
+
+#[test]
+fn slow_frame_that_ends_one_drag_and_begins_the_next_gives_both_boxes() {
+    let mut harness = Desk::sample().shown();
+    let at = |x, y| on_screen(&harness, x, y);
+    let first = [at(10.0, 12.0), at(25.0, 20.0)];
+    let second = [at(30.0, 25.0), at(50.0, 40.0)];
+    let press = |pos, pressed| button_event(pos, PointerButton::Primary, pressed);
+    let moved = egui::Event::PointerMoved;
+    harness.hover_at(first[0]);
+    harness.run_steps(1);
+    for events in [
+        vec![press(first[0], true)],
+        vec![
+            moved(first[1]),
+            press(first[1], false),
+            moved(second[0]),
+            press(second[0], true),
+        ],
+        vec![moved(second[1]), press(second[1], false)],
+    ] {
+        harness.input_mut().events.extend(events);
+        harness.run_steps(1);
+    }
+    harness.run_steps(2);
+    let requested = prompts(&harness.state().requested);
+    let corners: Vec<glam::DVec2> = requested
+        .iter()
+        .filter_map(|request| request.prompt.boxes.last())
+        .map(|px_box| px_box.min_px)
+        .collect();
+    assert_eq!(corners.len(), 2, "{requested:?}");
+    for (corner, expected) in corners.into_iter().zip([(10.0, 12.0), (30.0, 25.0)]) {
+        assert!(corner.distance(expected.into()) < 0.3, "{corner}");
     }
 }
 
@@ -435,13 +477,7 @@ fn pulls(requested: &[Command]) -> Vec<&MoveBorderRequest> {
 fn drag_moves_the_pressed_border_and_does_nothing_away_from_it() {
     let mut harness = Desk::sample().shown();
     harness.state_mut().shell.view.label = Some(LabelId(2));
-    let region = harness.state().project.masks[&0]
-        .runs
-        .decode()
-        .region(LabelId(2));
-    let border = ElasticBorders::of(&region)
-        .nearest(glam::DVec2::new(17.0, 21.0))
-        .unwrap();
+    let border = border_of_leaf(&harness);
     press(&mut harness, Modifiers::SHIFT, Key::G);
     assert_eq!(harness.state().shell.view.tool, Tool::Border);
     let from = on_screen(&harness, border.x as f32, border.y as f32);

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Duration;
 
 use egui::{Pos2, Ui, Vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
@@ -215,6 +216,16 @@ pub fn on_screen(harness: &Harness<'_, Desk>, x: f32, y: f32) -> Pos2 {
         + (Vec2::new(x, y) - Vec2::new(frame.width as f32, frame.height as f32) / 2.0) * scale
 }
 
+/// Returns the event of a button that is pressed or released.
+pub fn button_event(pos: Pos2, button: egui::PointerButton, pressed: bool) -> egui::Event {
+    egui::Event::PointerButton {
+        pos,
+        button,
+        pressed,
+        modifiers: egui::Modifiers::NONE,
+    }
+}
+
 /// Presses and releases a button, with frames between the events.
 pub fn click_at(harness: &mut Harness<'_, Desk>, at: Pos2, button: egui::PointerButton) {
     drag(harness, at, at, button);
@@ -222,12 +233,7 @@ pub fn click_at(harness: &mut Harness<'_, Desk>, at: Pos2, button: egui::Pointer
 
 /// Drags from one position to another.
 pub fn drag(harness: &mut Harness<'_, Desk>, from: Pos2, to: Pos2, button: egui::PointerButton) {
-    let press = |pos, pressed| egui::Event::PointerButton {
-        pos,
-        button,
-        pressed,
-        modifiers: egui::Modifiers::NONE,
-    };
+    let press = |pos, pressed| button_event(pos, button, pressed);
     harness.hover_at(from);
     harness.run_steps(1);
     harness.event(press(from, true));
@@ -256,12 +262,7 @@ pub fn hold(harness: &mut Harness<'_, Desk>, from: Pos2, to: Pos2) {
 /// The press and the first half of the path fall into one frame, the rest and the release into the
 /// next.
 pub fn drag_fast(harness: &mut Harness<'_, Desk>, places: &[Pos2], button: egui::PointerButton) {
-    let press = |pos, pressed| egui::Event::PointerButton {
-        pos,
-        button,
-        pressed,
-        modifiers: egui::Modifiers::NONE,
-    };
+    let press = |pos, pressed| button_event(pos, button, pressed);
     let moved = |places: &[Pos2]| {
         places
             .iter()
@@ -283,12 +284,7 @@ pub fn drag_fast(harness: &mut Harness<'_, Desk>, places: &[Pos2], button: egui:
 
 /// Drags as while frames are slow: the press falls into one frame, all else into the next.
 pub fn drag_in_two_frames(harness: &mut Harness<'_, Desk>, from: Pos2, to: Pos2) {
-    let press = |pos, pressed| egui::Event::PointerButton {
-        pos,
-        button: egui::PointerButton::Primary,
-        pressed,
-        modifiers: egui::Modifiers::NONE,
-    };
+    let press = |pos, pressed| button_event(pos, egui::PointerButton::Primary, pressed);
     harness.hover_at(from);
     harness.run_steps(1);
     harness.event(press(from, true));
@@ -304,12 +300,7 @@ pub fn drag_in_two_frames(harness: &mut Harness<'_, Desk>, from: Pos2, to: Pos2)
 ///
 /// A tap on a touchpad sends its events like this.
 pub fn flick(harness: &mut Harness<'_, Desk>, places: &[Pos2], button: egui::PointerButton) {
-    let press = |pos, pressed| egui::Event::PointerButton {
-        pos,
-        button,
-        pressed,
-        modifiers: egui::Modifiers::NONE,
-    };
+    let press = |pos, pressed| button_event(pos, button, pressed);
     let (first, last) = (places[0], places[places.len() - 1]);
     harness.hover_at(first);
     harness.run_steps(1);
@@ -351,6 +342,36 @@ pub fn open_advanced(harness: &mut Harness<'_, Desk>, step: WorkflowStep) {
     open_step(harness, step);
     harness.get_by_label("Advanced").click();
     harness.run_steps(30);
+}
+
+/// Returns a window for each step that has advanced settings, with these open.
+pub fn advanced_steps() -> impl Iterator<Item = (WorkflowStep, Harness<'static, Desk>)> {
+    let steps = [
+        WorkflowStep::Label,
+        WorkflowStep::Track,
+        WorkflowStep::Geometry,
+        WorkflowStep::Cloud,
+    ];
+    steps.into_iter().map(|step| {
+        let mut harness = Desk::sample().shown();
+        open_advanced(&mut harness, step);
+        (step, harness)
+    })
+}
+
+/// Draws frames of the window until something is true, which threads do.
+pub fn until(
+    harness: &mut Harness<'static, Desk>,
+    is_true: impl Fn(&Harness<'static, Desk>) -> bool,
+) {
+    for _ in 0..2000 {
+        if is_true(harness) {
+            return;
+        }
+        harness.run_steps(1);
+        std::thread::park_timeout(Duration::from_millis(5));
+    }
+    panic!("it did not become true")
 }
 
 /// Clicks a tool in the menu of what does not fit above the image, and closes the menu.

@@ -1,7 +1,6 @@
 //! Tests of the ways to see and reach frames: filmstrip, legend, and the dialog that goes to one.
 
 use std::sync::{Arc, Condvar, Mutex};
-use std::time::Duration;
 
 use egui::{Key, Modifiers, Rect, TextureId};
 use egui_kittest::Harness;
@@ -10,7 +9,7 @@ use ostra_app::Dialog;
 use ostra_masks::{LabelId, RunMask};
 use ostra_session::Images;
 
-use crate::desk::{Desk, image, press};
+use crate::desk::{Desk, image, press, until};
 
 type Shown = Harness<'static, Desk>;
 
@@ -30,17 +29,6 @@ fn painted(harness: &Shown, rect: Rect) -> Vec<(TextureId, Rect)> {
     textures
         .filter(|(id, bounds)| *id != TextureId::default() && rect.contains_rect(*bounds))
         .collect()
-}
-
-fn until(harness: &mut Shown, is_true: impl Fn(&Shown) -> bool) {
-    for _ in 0..2000 {
-        if is_true(harness) {
-            return;
-        }
-        harness.run_steps(1);
-        std::thread::park_timeout(Duration::from_millis(5));
-    }
-    panic!("waited in vain")
 }
 
 #[test]

@@ -5,10 +5,9 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use ostra_app::{Action, Dialog, MenuName};
 use ostra_masks::{Label, LabelId};
-use ostra_project::workflow::WorkflowStep;
 use ostra_session::Command;
 
-use crate::desk::{Desk, open_advanced, press};
+use crate::desk::{Desk, advanced_steps, press};
 
 const CTRL: Modifiers = Modifiers {
     ctrl: true,
@@ -171,14 +170,7 @@ fn assert_all_explained(harness: &mut Harness<'_, Desk>, screen: &str) -> usize 
 #[test]
 fn every_disabled_control_says_why() {
     let mut count = 0;
-    for step in [
-        WorkflowStep::Label,
-        WorkflowStep::Track,
-        WorkflowStep::Geometry,
-        WorkflowStep::Cloud,
-    ] {
-        let mut harness = Desk::sample().shown();
-        open_advanced(&mut harness, step);
+    for (step, mut harness) in advanced_steps() {
         count += assert_all_explained(&mut harness, &format!("{step:?}"));
     }
     for dialog in [

@@ -101,7 +101,7 @@ fn result_of_the_test_is_shown_and_a_network_can_be_removed() {
             bytes: 2_700_000,
         });
     });
-    assert!(harness.query_by_label("wrong answers, not used").is_some());
+    assert!(harness.query_by_label("test failed, not used").is_some());
     assert!(harness.query_by_label("test passed").is_some());
     assert!(harness.query_by_label("Install mobile-sam").is_none());
     press_button(&mut harness, "Remove mobile-sam");

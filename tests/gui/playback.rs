@@ -2,7 +2,6 @@
 
 use std::collections::BTreeSet;
 use std::sync::{Arc, Condvar, Mutex};
-use std::time::Duration;
 
 use egui::{Event, Key, Modifiers, PointerButton};
 use egui_kittest::Harness;
@@ -10,7 +9,7 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use ostra_app::PlaySpeed;
 use ostra_session::{Command, Images};
 
-use crate::desk::{Desk, click_at, drag, image, on_screen, press};
+use crate::desk::{Desk, click_at, drag, image, on_screen, press, until};
 
 type Shown = Harness<'static, Desk>;
 
@@ -28,17 +27,6 @@ fn prepared(desk: Desk) -> Shown {
     tap(&mut harness, Key::Space);
     press(&mut harness, Modifiers::NONE, Key::Home);
     harness
-}
-
-fn until(harness: &mut Shown, is_true: impl Fn(&Shown) -> bool) {
-    for _ in 0..2000 {
-        if is_true(harness) {
-            return;
-        }
-        harness.run_steps(1);
-        std::thread::park_timeout(Duration::from_millis(5));
-    }
-    panic!("waited in vain")
 }
 
 fn frame(harness: &Shown) -> usize {

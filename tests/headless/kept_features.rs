@@ -265,7 +265,7 @@ fn damaged_cache_is_computed_again_with_a_warning() {
         std::fs::write(path, bytes).unwrap();
         let output = sfm();
         assert!(
-            output.contains("1 damaged files were not used"),
+            output.contains("1 damaged file was not used"),
             "{kind}: {output}"
         );
         let after: Vec<Vec<u8>> = model(&project)

@@ -119,17 +119,17 @@ fn network_with_wrong_answers_is_not_used() {
         .collect();
     assert!(
         errors.len() == 1
-            && errors[0].contains("its answers are wrong")
+            && errors[0].contains("failed its test")
             && errors[0].contains("ostra models remove mobile-sam"),
         "{text}"
     );
     let list = done(folder, &["models", "list"]);
-    assert!(list.contains("not used, its answers are wrong"), "{list}");
+    assert!(list.contains("not used, its test failed"), "{list}");
     done(folder, &CLICK);
     assert!(!has_embeddings(folder), "`auto` takes another segmenter");
     let text = refused(folder, &[&CLICK[..], &["--segmenter", "sam"]].concat());
     assert!(
-        text.contains("mobile-sam is installed, but its answers are wrong"),
+        text.contains("mobile-sam is installed, but failed its test"),
         "{text}"
     );
     // Other files replace those that failed.

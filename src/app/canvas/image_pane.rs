@@ -8,7 +8,7 @@ use super::input::{CanvasPointer, canvas_input};
 use super::map::CanvasMap;
 use super::paint;
 use super::prompts::{id_at, with_click};
-use super::shown_image::{paint_image, paint_played_mask};
+use super::shown_image::ShownImage;
 use super::toolbar::toolbar_ui;
 use crate::action::Requests;
 use crate::pointer::HoverDwell;
@@ -86,8 +86,14 @@ fn draw(
 ) {
     let painter = ui.painter_at(map.pane);
     painter.rect_filled(map.pane, 0.0, ui.visuals().extreme_bg_color);
+    let shown = ShownImage {
+        painter: &painter,
+        session,
+        view: &*view,
+        map,
+    };
     if view.layer == Layer::Image {
-        if !paint_image(&painter, session, view, textures, map) {
+        if !shown.paint_image(textures) {
             placeholder(ui, session, view, map);
         }
     } else {
@@ -105,7 +111,7 @@ fn draw(
             },
         );
     }
-    if view.masks_shown && paint_played_mask(&painter, session, view, textures, map) {
+    if view.masks_shown && shown.paint_played_mask(textures) {
         only_banner(&painter, session, view, map);
     } else {
         mask(ui, session, view, textures, map, before);

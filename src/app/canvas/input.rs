@@ -7,7 +7,7 @@ use super::prompts::{
     box_of, chosen_label, click_at, fill_polygon, hold_border, move_border, new_object_at, paint,
     step_size, trace_thin,
 };
-use crate::pointer::{pointer_path, primary_ends};
+use crate::pointer::{PrimaryEnd, pointer_path, primary_ends};
 use crate::{SessionView, ViewState};
 use ostra_session::Command;
 
@@ -30,33 +30,37 @@ impl CanvasPointer<'_> {
     ///
     /// `pressed` is where the button was pressed, while it is down.
     fn follow_drag(&self, pressed: &mut Option<Pos2>) -> ImageDrag {
-        let (press, release) = primary_ends(self.ui);
+        let ends = primary_ends(self.ui);
+        let is_whole = ends
+            .iter()
+            .any(|end| matches!(end, PrimaryEnd::Released(_)));
         let is_ours = |at: Pos2| {
-            let is_whole =
-                release.is_some() && self.ui.ctx().layer_id_at(at) == Some(self.response.layer_id);
+            let is_here =
+                || is_whole && self.ui.ctx().layer_id_at(at) == Some(self.response.layer_id);
             self.response.rect.contains(at)
-                && (self.response.is_pointer_button_down_on() || is_whole)
+                && (self.response.is_pointer_button_down_on() || is_here())
         };
-        if let Some(at) = press {
-            *pressed = Some(at).filter(|&at| is_ours(at));
-        }
-        let Some(from) = *pressed else {
-            return ImageDrag::None;
-        };
-        let from_px = self.map.to_px(from);
-        match release {
-            Some(to) => {
-                *pressed = None;
-                if self.response.clicked() || from.distance(to) < DRAG_POINTS {
-                    ImageDrag::None
-                } else {
-                    ImageDrag::Done(from_px, self.map.to_px(to))
-                }
+        let mut done = None;
+        for end in ends {
+            match end {
+                PrimaryEnd::Pressed(at) => *pressed = Some(at).filter(|&at| is_ours(at)),
+                PrimaryEnd::Released(to) => done = pressed.take().map(|from| (from, to)).or(done),
             }
-            None if self.response.dragged_by(PointerButton::Primary) => ImageDrag::From(from_px),
-            None if self.ui.input(|input| input.pointer.primary_down()) => ImageDrag::None,
+        }
+        if let Some((from, to)) = done {
+            return if self.response.clicked() || from.distance(to) < DRAG_POINTS {
+                ImageDrag::None
+            } else {
+                ImageDrag::Done(self.map.to_px(from), self.map.to_px(to))
+            };
+        }
+        match *pressed {
+            Some(from) if self.response.dragged_by(PointerButton::Primary) => {
+                ImageDrag::From(self.map.to_px(from))
+            }
+            Some(_) if self.ui.input(|input| input.pointer.primary_down()) => ImageDrag::None,
             // The release did not reach the window.
-            None => {
+            _ => {
                 *pressed = None;
                 ImageDrag::None
             }

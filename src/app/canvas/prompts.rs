@@ -84,8 +84,10 @@ fn new_label(session: &SessionView<'_>, view: &mut ViewState, out: &mut Vec<Comm
     let chosen = view.label.and_then(|label| tree.get(label));
     let parent = chosen.and_then(|label| tree.get(label.parent?));
     let id = tree.next_id();
+    // Without a selected label the first name is "object 1", as for a click.
+    let before = chosen.map_or("object 0", |label| &label.name);
     out.push(Command::AddLabel {
-        name: next_name(tree, chosen.map_or("object", |label| &label.name)),
+        name: next_name(tree, before),
         parent: parent.map(|parent| parent.name.clone()),
         color: None,
     });
@@ -100,6 +102,7 @@ fn next_name(tree: &LabelTree, name: &str) -> String {
     let stem = stem.trim_end();
     (1..)
         .map(|step| format!("{stem} {}", number.saturating_add(step)))
+        .map(|name| name.trim_start().to_owned())
         .find(|name| tree.by_name(name).is_none())
         .unwrap_or_else(|| stem.to_owned())
 }
@@ -395,6 +398,7 @@ mod tests {
         assert_eq!(next_name(&tree, "leaf"), "leaf 2");
         assert_eq!(next_name(&tree, "leaf 3"), "leaf 5");
         assert_eq!(next_name(&tree, "object 1"), "object 2");
+        assert_eq!(next_name(&tree, "7"), "8");
     }
 
     #[test]

@@ -141,7 +141,7 @@ fn state_ui(ui: &mut Ui, row: &ModelStatus) {
             ui.weak("test passed");
         }
         Some(TestResult::Failed(what)) => {
-            ui.colored_label(ui.visuals().warn_fg_color, "wrong answers, not used")
+            ui.colored_label(ui.visuals().warn_fg_color, "test failed, not used")
                 .on_hover_text(what);
         }
         None => {}

@@ -164,14 +164,20 @@ fn prove_library(path: &Path) -> Result<Verification, NnError> {
 }
 
 /// Returns the variant that the files are, and how each was verified.
+///
+/// Variants may have the same interface, and differ only in the precision of the weights. Then the
+/// digests show which one it is.
 fn prove_networks<'a>(
     candidates: &[&'a NetworkVariant],
     paths: &[PathBuf],
     digests: &[String],
 ) -> Result<(&'a NetworkVariant, Vec<Verification>), NnError> {
+    let mut candidates = candidates.to_vec();
+    // Stable: without known digests, the order stays.
+    candidates.sort_by_key(|variant| !knows_all(variant, digests));
     let (variant, missing) = match Runtime::find() {
-        Ok(runtime) => (fit(&runtime, candidates, paths)?.variant, None),
-        Err(error) => (by_digests(candidates, digests), Some(error)),
+        Ok(runtime) => (fit(&runtime, &candidates, paths)?.variant, None),
+        Err(error) => (by_digests(&candidates, digests), Some(error)),
     };
     let prove = |((file, path), digest): ((&NetworkFile, &PathBuf), &String)| {
         if file.kind == FileKind::Text {
@@ -188,21 +194,24 @@ fn prove_networks<'a>(
     Ok((variant, files.map(prove).collect::<Result<_, _>>()?))
 }
 
-/// Returns the variant with these digests.
+/// Returns the variant with these digests, which comes first if there is one.
 ///
 /// Otherwise, it is one whose digests are not known, or else the first one.
 fn by_digests<'a>(candidates: &[&'a NetworkVariant], digests: &[String]) -> &'a NetworkVariant {
-    let has_all = |variant: &&&NetworkVariant| {
-        let mut files = variant.files.iter().zip(digests);
-        files.all(|(file, digest)| file.knows(digest))
-    };
+    let first = candidates[0];
     let is_unknown = |variant: &&&NetworkVariant| {
         let mut files = variant.files.iter();
         files.all(|file| file.sha256.is_none())
     };
-    let mut all = candidates.iter();
-    let found = all.find(has_all).or(candidates.iter().find(is_unknown));
-    found.copied().unwrap_or(candidates[0])
+    if knows_all(first, digests) {
+        return first;
+    }
+    candidates.iter().find(is_unknown).copied().unwrap_or(first)
+}
+
+fn knows_all(variant: &NetworkVariant, digests: &[String]) -> bool {
+    let mut files = variant.files.iter().zip(digests);
+    files.all(|(file, digest)| file.knows(digest))
 }
 
 fn prove_by_digest(

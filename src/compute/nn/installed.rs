@@ -61,7 +61,7 @@ pub struct VariantStatus {
 pub enum TestResult {
     /// The answers were right.
     Passed,
-    /// The network loads and runs, but gives other answers.
+    /// The network does not run, or gives other answers.
     Failed(String),
 }
 
@@ -94,6 +94,14 @@ pub struct LoadedNetworks {
     pub networks: Vec<Network>,
 }
 
+impl Installed {
+    /// Returns texts that identify the current content of the files, by their sizes and times.
+    #[must_use]
+    pub fn stamps(&self) -> Vec<String> {
+        stamps(&self.paths)
+    }
+}
+
 impl CatalogueEntry {
     /// Returns the entry's files in `folder`; `None` if one is missing.
     #[must_use]
@@ -115,12 +123,19 @@ impl CatalogueEntry {
     pub fn tested(&self, folder: &Path) -> Option<TestResult> {
         let installed = self.installed(folder)?;
         let record = record_of(folder, &self.name).ok()?.test?;
-        let is_current = record.files == stamps(&installed.paths);
+        let is_current = record.files == installed.stamps();
         is_current.then(|| {
             record
                 .failure
                 .map_or(TestResult::Passed, TestResult::Failed)
         })
+    }
+
+    /// Returns whether the entry's files are in `folder` and did not fail their last test.
+    #[must_use]
+    pub fn is_usable(&self, folder: &Path) -> bool {
+        self.installed(folder).is_some()
+            && !matches!(self.tested(folder), Some(TestResult::Failed(_)))
     }
 }
 
@@ -201,7 +216,7 @@ pub fn record_test(
         .ok_or_else(|| entry.missing(folder))?;
     change_record(folder, name, |record| {
         record.test = Some(TestRecord {
-            files: stamps(&installed.paths),
+            files: installed.stamps(),
             failure: match result {
                 TestResult::Passed => None,
                 TestResult::Failed(what) => Some(what.clone()),

@@ -45,13 +45,11 @@ impl Yolox {
     }
 
     fn run(&self, image: &Image, scale: f64, progress: &Progress) -> Result<Vec<f32>, MaskError> {
-        let failed = |error: NnError| MaskError::Network(error.to_string());
-        let input = Tensor::floats(&[1, 3, SIDE, SIDE], fed(image, scale)).map_err(failed)?;
+        let input = Tensor::floats(&[1, 3, SIDE, SIDE], fed(image, scale))?;
         let is_wanted = || progress.check().is_ok();
         let given = self
             .network
-            .run_while(&[("images", &input)], &is_wanted)
-            .map_err(failed)?
+            .run_while(&[("images", &input)], &is_wanted)?
             .ok_or(Stopped)?;
         let cells: usize = STRIDES.iter().map(|stride| (SIDE / stride).pow(2)).sum();
         let output = given

@@ -6,7 +6,6 @@ use super::image_input::{fed, nearest, probabilities, shown_size};
 use super::network::{
     DeAotNetworks, EncoderFeatures, ImageMemory, LongMemory, NetworkOutput, OBJECTS, Running,
 };
-use crate::networks::network_error;
 use crate::propagate::{
     KeyframeUse, LabelProbabilities, LookAhead, MaskPropagator, PassFrame, PassResult, Section,
     most_probable, propagate, shown_labels,
@@ -162,8 +161,7 @@ impl<'a> DeaotPass<'a> {
     fn features(&mut self, image: &Image) -> Result<EncoderFeatures, MaskError> {
         check(image)?;
         let shown = self.shown(image);
-        self.networks
-            .encode(&fed(image, shown).map_err(network_error)?)
+        self.networks.encode(&fed(image, shown)?)
     }
 
     /// Propagates the objects to the next image.
@@ -405,7 +403,7 @@ impl ObjectGroup {
         given: &NumberMap,
     ) -> Result<(), MaskError> {
         self.short = networks.remember(features, &one_hot(given, self.first)?)?;
-        self.long.push(&self.short, true).map_err(network_error)?;
+        self.long.push(&self.short, true)?;
         self.since = 0;
         Ok(())
     }
@@ -430,7 +428,7 @@ impl ObjectGroup {
     ) -> Result<(), MaskError> {
         self.short = networks.identify(seen, &one_hot(found, self.first)?)?;
         if self.since >= options.remembered_every {
-            self.long.push(&self.short, false).map_err(network_error)?;
+            self.long.push(&self.short, false)?;
             self.since = 0;
         }
         Ok(())
@@ -454,7 +452,7 @@ fn one_hot(map: &NumberMap, first: usize) -> Result<Tensor, MaskError> {
             .unwrap_or(0);
         planes[channel * numbers.len() + at] = 1.0;
     }
-    Tensor::floats(&[1, OBJECTS + 1, *rows, *columns], planes).map_err(network_error)
+    Tensor::floats(&[1, OBJECTS + 1, *rows, *columns], planes).map_err(MaskError::from)
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 use super::fit::Fit;
 use super::memory::{Elements, Widths, transpose};
-use crate::networks::{check_signature, mismatch, network_error, run};
+use crate::networks::{check_signature, mismatch, run};
 use ostra_compute::nn::{Network, NnError, Tensor};
 use ostra_core::image::ImageSize;
 use ostra_core::job::Progress;
@@ -79,8 +79,7 @@ impl XMemNetworks {
         progress: &Progress,
     ) -> Result<ImageEncoding, MaskError> {
         let ImageSize { width, height } = fit.padded;
-        let image =
-            Tensor::floats(&[1, 3, height, width], fit.planes(image)).map_err(network_error)?;
+        let image = Tensor::floats(&[1, 3, height, width], fit.planes(image))?;
         let given = run(&self.key_encoder, &[("image", &image)], progress)?;
         let [key, shrinkage, selection, f16, f8, f4] = outputs(&self.key_encoder, given)?;
         let ImageSize {
@@ -138,10 +137,8 @@ impl XMemNetworks {
         };
         for (readout, hidden) in parts {
             let count = hidden.len() / (self.hidden * size);
-            let readout = Tensor::floats(&[count, self.value, rows, columns], readout.to_vec())
-                .map_err(network_error)?;
-            let hidden = Tensor::floats(&[count, self.hidden, rows, columns], hidden.to_vec())
-                .map_err(network_error)?;
+            let readout = Tensor::floats(&[count, self.value, rows, columns], readout.to_vec())?;
+            let hidden = Tensor::floats(&[count, self.hidden, rows, columns], hidden.to_vec())?;
             let fed = [
                 ("f16", f16),
                 ("f8", f8),
@@ -185,10 +182,9 @@ impl XMemNetworks {
         for ((masks, others), hidden) in parts.zip(hidden.chunks(OBJECTS * self.hidden * size)) {
             let count = masks.len() / area;
             let shape = [count, 1, seen.fit.padded.height, seen.fit.padded.width];
-            let masks = Tensor::floats(&shape, masks.to_vec()).map_err(network_error)?;
-            let others = Tensor::floats(&shape, others.to_vec()).map_err(network_error)?;
-            let hidden = Tensor::floats(&[count, self.hidden, rows, columns], hidden.to_vec())
-                .map_err(network_error)?;
+            let masks = Tensor::floats(&shape, masks.to_vec())?;
+            let others = Tensor::floats(&shape, others.to_vec())?;
+            let hidden = Tensor::floats(&[count, self.hidden, rows, columns], hidden.to_vec())?;
             let fed = [
                 ("image", &seen.image),
                 ("f16", &seen.features[0]),

@@ -9,7 +9,7 @@ use flate2::write::GzEncoder;
 use zip::write::SimpleFileOptions;
 
 use super::super::{
-    Added, Catalogue, CatalogueEntry, Dialect, InstallOptions, NnError, Runtime, TestResult,
+    Added, Catalogue, CatalogueEntry, Dialect, InstallOptions, NnError, Runtime, TestResult, add,
     addresses, check, install, list, load_with_dialect, record_test, remove,
 };
 use super::server::{Server, digest, public};
@@ -286,7 +286,7 @@ fn variant_can_be_chosen_and_replaced() {
         &TestResult::Failed("wrong".into()),
     )
     .unwrap();
-    assert!(entry.tested(scratch.path()).is_some());
+    assert!(entry.tested(scratch.path()).is_some() && !entry.is_usable(scratch.path()));
     let chosen = |name: &str| InstallOptions {
         variant: Some(name.to_owned()),
         ..InstallOptions::default()
@@ -301,12 +301,42 @@ fn variant_can_be_chosen_and_replaced() {
         None,
         "the result was of other files"
     );
+    assert!(entry.is_usable(scratch.path()));
     let error = install_with(&catalogue, scratch.path(), &chosen("half")).unwrap_err();
     assert_one_line(&error, &["no variant `half`", "full, int8"]);
     let listed = addresses(&catalogue, Some("net")).unwrap();
     assert_eq!(listed.len(), 2);
     assert_eq!(listed[1].variant, "int8");
     assert_eq!(listed[1].urls, [server.url("encoder-x.onnx")]);
+}
+
+#[test]
+#[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
+fn added_variant_of_the_same_interface_is_known_by_its_digest() {
+    Runtime::find().unwrap();
+    let scratch = tempfile::tempdir().unwrap();
+    let variant = |name: &str, file: &str| {
+        format!(
+            "[[entry.variant]]\nname = '{name}'\nsummary = 's'\n[[entry.variant.file]]\nname = 'net.onnx'\nsha256 = '{}'\n",
+            digest(&public(file))
+        )
+    };
+    let catalogue = entry_of(
+        &(variant("half", "decoder-multi.onnx") + &variant("int8", "decoder-single.onnx")),
+    );
+    let entry = catalogue.entry("net").unwrap();
+    for (file, expected) in [
+        ("decoder-single.onnx", "int8"),
+        ("decoder-multi.onnx", "half"),
+    ] {
+        let given = scratch.path().join(file);
+        fs::write(&given, public(file)).unwrap();
+        let folder = scratch.path().join(expected);
+        let added = add(&catalogue, &folder, "net", &[given]).unwrap();
+        assert!(added[0].is_known, "{file}");
+        let variant = variant_of(entry, &catalogue, &folder);
+        assert_eq!(variant.as_deref(), Some(expected));
+    }
 }
 
 #[test]

@@ -156,11 +156,7 @@ impl GroundingDino {
         caption: &Caption,
         progress: &Progress,
     ) -> Result<RawAnswer, MaskError> {
-        let failed = |error: NnError| MaskError::Network(error.to_string());
-        let count = caption.ids.len();
-        let image =
-            Tensor::floats(&[1, 3, input.rows, input.columns], input.planes()).map_err(failed)?;
-        let integers = |shape: &[usize], values| Tensor::integers(shape, values).map_err(failed);
+        let (count, image) = (caption.ids.len(), planes(input)?);
         let ids = integers(&[1, count], caption.ids.clone())?;
         let positions = integers(&[1, count], caption.positions.clone())?;
         let attention = integers(&[1, count, count], caption.attention())?;
@@ -209,11 +205,8 @@ impl GroundingDino {
         caption: &Caption,
         progress: &Progress,
     ) -> Result<RawAnswer, MaskError> {
-        let failed = |error: NnError| MaskError::Network(error.to_string());
-        let (count, size) = (caption.ids.len(), [input.rows, input.columns]);
-        let [rows, columns] = size;
-        let image = Tensor::floats(&[1, 3, rows, columns], input.planes()).map_err(failed)?;
-        let integers = |shape: &[usize], values| Tensor::integers(shape, values).map_err(failed);
+        let (count, image) = (caption.ids.len(), planes(input)?);
+        let (rows, columns) = (input.rows, input.columns);
         let ids = integers(&[1, count], caption.ids.clone())?;
         let types = integers(&[1, count], vec![0; count])?;
         let attention = integers(&[1, count], vec![1; count])?;
@@ -232,11 +225,7 @@ impl GroundingDino {
         progress: &Progress,
     ) -> Result<RawAnswer, MaskError> {
         let is_wanted = || progress.check().is_ok();
-        let answer = self
-            .network
-            .run_while(inputs, &is_wanted)
-            .map_err(|error| MaskError::Network(error.to_string()))?
-            .ok_or(Stopped)?;
+        let answer = self.network.run_while(inputs, &is_wanted)?.ok_or(Stopped)?;
         if let [logits, boxes] = answer.as_slice()
             && let [1, queries, tokens] = *logits.shape()
             && tokens == given
@@ -256,6 +245,16 @@ impl GroundingDino {
             "{path}: does not give a logit for each token and a box for each query"
         )))
     }
+}
+
+/// Returns the image of an input.
+fn planes(input: &NetworkInput) -> Result<Tensor, MaskError> {
+    let shape = [1, 3, input.rows, input.columns];
+    Tensor::floats(&shape, input.planes()).map_err(MaskError::from)
+}
+
+fn integers(shape: &[usize], values: Vec<i64>) -> Result<Tensor, MaskError> {
+    Tensor::integers(shape, values).map_err(MaskError::from)
 }
 
 impl TextGrounder for GroundingDino {

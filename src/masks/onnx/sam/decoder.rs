@@ -202,7 +202,7 @@ impl Decoder {
         let own = points.filter(|(_, kind)| **kind != PointKind::Padding);
         let (points, kinds) = own.map(|(at, kind)| (*at, *kind)).unzip();
         let prompt = DecoderPrompt { points, kinds };
-        let size = Tensor::integers(&[2], vec![CELL as i64; 2]).map_err(network_error)?;
+        let size = Tensor::integers(&[2], vec![CELL as i64; 2])?;
         let mut others = self.refined(embedding, &prompt, before, &size, &[4])?;
         let mut clear = others.remove(0);
         if stability(&clear.logits) < LEAST_STABILITY
@@ -273,7 +273,7 @@ impl Decoder {
         let kinds = used.iter().map(|(_, kind)| kind.number()).collect();
         let points = floats(&[1, 1, used.len(), 2], points)?;
         let kinds = floats(&[1, 1, used.len()], kinds)?;
-        let size = Tensor::integers(&[2], vec![fine as i64; 2]).map_err(network_error)?;
+        let size = Tensor::integers(&[2], vec![fine as i64; 2])?;
         let [embedding] = embedding else {
             return Err(MaskError::Network("the embedding has several maps".into()));
         };
@@ -296,7 +296,7 @@ impl Decoder {
         masks: &str,
         counts: &[usize],
     ) -> Result<Vec<MaskPrediction>, MaskError> {
-        let given = self.network.run(fed).map_err(network_error)?;
+        let given = self.network.run(fed)?;
         let ports = &self.network.signature().outputs;
         let named = |name: &str| {
             ports
@@ -369,14 +369,5 @@ fn stability(logits: &[f32]) -> f64 {
 }
 
 fn floats(shape: &[usize], values: Vec<f32>) -> Result<Tensor, MaskError> {
-    Tensor::floats(shape, values).map_err(network_error)
-}
-
-/// Converts an error of a network.
-#[expect(
-    clippy::needless_pass_by_value,
-    reason = "`map_err` passes it by value"
-)]
-pub(super) fn network_error(error: NnError) -> MaskError {
-    MaskError::Network(error.to_string())
+    Tensor::floats(shape, values).map_err(MaskError::from)
 }

@@ -5,7 +5,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::decoder::{
     CandidateMasks, Decoder, DecoderPrompt, EmbeddingShape, MaskPrediction, PointKind,
-    network_error,
 };
 use super::embedding::{Embedding, EmbeddingMap};
 use super::mask_logits::enlarged;
@@ -67,7 +66,7 @@ impl SamFrame {
         }
         let tensor = |map: &EmbeddingMap| {
             let shape = [1, map.channels, map.cells, map.cells];
-            Tensor::floats(&shape, map.values.clone()).map_err(network_error)
+            Tensor::floats(&shape, map.values.clone()).map_err(MaskError::from)
         };
         let maps = embedding.maps.iter().map(tensor);
         Ok(Self {

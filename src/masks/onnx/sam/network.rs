@@ -3,7 +3,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::decoder::{Decoder, EmbeddingShape, map_names, network_error};
+use super::decoder::{Decoder, EmbeddingShape, map_names};
 use super::embedding::{Embedding, EmbeddingMap};
 use super::frame::{SamFrame, bytes_of};
 use super::part::{Canvas, ImagePart};
@@ -146,14 +146,10 @@ impl Sam {
             Dialect::SamHwc => fed_interleaved(image, part, self.decoder.canvas()),
             _ => fed(image, part, self.decoder.canvas()),
         };
-        let input = input.map_err(network_error)?;
+        let input = input?;
         progress.step(1, 2)?;
         let is_wanted = || progress.check().is_ok();
-        let Some(given) = self
-            .encoder
-            .run_while(&[(name, &input)], &is_wanted)
-            .map_err(network_error)?
-        else {
+        let Some(given) = self.encoder.run_while(&[(name, &input)], &is_wanted)? else {
             return Err(Stopped.into());
         };
         let maps = self.maps(&given)?;

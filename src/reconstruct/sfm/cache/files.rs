@@ -95,9 +95,13 @@ impl FeatureCache {
             self.make_room();
         }
         let damaged = self.damaged.swap(0, Ordering::Relaxed);
+        let what = match damaged {
+            1 => "file was not used; its",
+            _ => "files were not used; their",
+        };
         let damage = (damaged > 0).then(|| {
             format!(
-                "{}: {damaged} damaged files were not used; their features and matches were computed again",
+                "{}: {damaged} damaged {what} features and matches were computed again",
                 self.folder.display()
             )
         });
