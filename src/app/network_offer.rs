@@ -5,6 +5,7 @@ use ostra_compute::nn::{ModelStatus, Runtime};
 use ostra_project::{EngineName, SegmenterId};
 use ostra_session::{Command, EngineKind, InstallRequest, JobTask, ModelRequest, ModelTask};
 
+use crate::dialogs::Installation;
 use crate::panels::progress_text;
 use crate::{Dialog, SessionView, ViewState};
 
@@ -33,24 +34,6 @@ const FOR_TEXT: OfferedNetwork = OfferedNetwork {
     title: "Grounding DINO",
     benefit: "finds objects by their names",
 };
-
-/// State of the offers and of the installations that they began.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct NetworkOffers {
-    /// Whether the offer for clicks is closed until the program ends.
-    is_closed: bool,
-    for_clicks: Installation,
-    for_text: Installation,
-}
-
-/// Networks that are installed one after the other; none if nothing is being installed.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-struct Installation {
-    queue: Vec<&'static str>,
-    /// Number of the drawn frame in which the first of them was asked for; its job runs from the
-    /// next one on.
-    asked_in: u64,
-}
 
 /// State of an installation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -128,6 +128,8 @@ fn click_lists_voters_with_contradicting_ones_first() {
     until(&mut harness, "it is asked about", |desk| {
         desk.shell.view.inspected_point.is_some()
     });
+    // The rows are drawn in the next step.
+    harness.run_steps(2);
     let own = harness.state().cloud.as_ref().unwrap().labels[point];
     assert!((mark(&harness) - at).length() < 1.0, "the very point");
     let top = |frame: usize| harness.get_by_label(&format!("frame {frame}")).rect().top();

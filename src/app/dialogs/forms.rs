@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 
 use super::picker::typed_path;
 use crate::Action;
-use crate::network_offer::NetworkOffers;
 use ostra_frames::{DepthSource, Frame, ImageSource};
 use ostra_session::Command;
 
@@ -185,6 +184,24 @@ pub struct ModelsForm {
     pub(super) accepting: Option<String>,
     /// Offers of networks outside this dialog.
     pub(crate) offers: NetworkOffers,
+}
+
+/// State of the offers and of the installations that they began.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct NetworkOffers {
+    /// Whether the offer for clicks is closed until the program ends.
+    pub(crate) is_closed: bool,
+    pub(crate) for_clicks: Installation,
+    pub(crate) for_text: Installation,
+}
+
+/// Networks that are installed one after the other; none if nothing is being installed.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Installation {
+    pub(crate) queue: Vec<&'static str>,
+    /// Number of the drawn frame in which the first of them was asked for; its job runs from the
+    /// next one on.
+    pub(crate) asked_in: u64,
 }
 
 /// State of the palette.

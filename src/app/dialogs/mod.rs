@@ -24,7 +24,8 @@ pub(super) use export::export_ui;
 pub use export_form::ExportForm;
 pub(super) use exported::exported_ui;
 pub use forms::{
-    ImageForm, ModelsForm, PaletteState, RelocateForm, ScreenshotRequest, SheetState, Take,
+    ImageForm, Installation, ModelsForm, PaletteState, RelocateForm, ScreenshotRequest, SheetState,
+    Take,
 };
 pub(super) use go_to_frame::go_to_frame_ui;
 pub(super) use help::help_ui;
