@@ -113,6 +113,25 @@ fn result_of_the_test_is_shown_and_a_network_can_be_removed() {
     assert!(superpoint.accesskit_node().is_disabled(), "no address");
 }
 
+#[test]
+fn network_that_cannot_be_downloaded_is_removed_after_a_question() {
+    let mut harness = shown(|row| {
+        if row.name == "superpoint" {
+            row.installed = Some(installed());
+        }
+    });
+    press_button(&mut harness, "Remove superpoint");
+    assert!(harness.state().requested.is_empty(), "nothing yet");
+    press_button(&mut harness, "Keep");
+    assert!(harness.query_by_label("Delete files").is_none());
+    press_button(&mut harness, "Remove superpoint");
+    press_button(&mut harness, "Delete files");
+    assert_eq!(
+        harness.state().requested,
+        [request("superpoint", ModelTask::Remove)]
+    );
+}
+
 /// Returns a desk on whose first frame a click was answered without a network.
 fn without_networks() -> Desk {
     let mut desk = Desk::sample();

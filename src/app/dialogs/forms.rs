@@ -182,6 +182,8 @@ pub struct ModelsForm {
     pub(super) variants: BTreeMap<String, String>,
     /// Network whose licence is shown to be accepted.
     pub(super) accepting: Option<String>,
+    /// Network that cannot be downloaded again and is asked about before it is removed.
+    pub(super) removing: Option<String>,
     /// Offers of networks outside this dialog.
     pub(crate) offers: NetworkOffers,
 }

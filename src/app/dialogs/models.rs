@@ -110,6 +110,29 @@ fn row_ui(
     if view.models.accepting.as_ref() == Some(&row.name) {
         accepting_ui(ui, view, row, out);
     }
+    if view.models.removing.as_ref() == Some(&row.name) {
+        removing_ui(ui, view, row, out);
+    }
+}
+
+/// Asks before files are deleted that cannot be downloaded again.
+fn removing_ui(ui: &mut Ui, view: &mut ViewState, row: &ModelStatus, out: &mut Vec<Command>) {
+    ui.horizontal(|ui| {
+        ui.label("These files cannot be downloaded again.");
+        let remove = ui
+            .button("Delete files")
+            .on_hover_text("Delete the model files");
+        let keep = ui.button("Keep").on_hover_text("Keep the model files");
+        if remove.clicked() {
+            out.push(Command::Model(ModelRequest {
+                name: row.name.clone(),
+                task: ModelTask::Remove,
+            }));
+        }
+        if remove.clicked() || keep.clicked() {
+            view.models.removing = None;
+        }
+    });
 }
 
 /// Shows whether a network is installed, its size and, on hover, its paths.
@@ -180,7 +203,11 @@ fn buttons_ui(ui: &mut Ui, view: &mut ViewState, row: &ModelStatus, out: &mut Ve
         }
         let remove = ui.button("Remove").on_hover_text("Delete the model files");
         if remove.accessible_name(format!("Remove {name}")).clicked() {
-            ask(ModelTask::Remove);
+            if row.has_address {
+                ask(ModelTask::Remove);
+            } else {
+                view.models.removing = Some(name.clone());
+            }
         }
     } else {
         install_ui(ui, view, row, out);
