@@ -5,7 +5,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec2;
 use ostra_app::Tool;
-use ostra_masks::{AnswerSize, Click, LabelId, LabelMask, Prompt, RunMask};
+use ostra_masks::{AnswerSize, Click, LabelId, LabelMask, LabelTree, Prompt, RunMask};
 use ostra_session::{Command, PromptRequest};
 
 use crate::desk::{Desk, HEIGHT, WIDTH, click_at, drag, flick, on_screen, press};
@@ -272,4 +272,62 @@ fn label_is_not_previewed_where_it_is_already() {
     harness.hover_at(at);
     harness.run_steps(8);
     assert!(harness.state().shell.view.hover_request.is_some());
+}
+
+#[test]
+fn first_click_is_previewed_before_there_is_a_label() {
+    let mut desk = Desk::sample();
+    desk.project.labels = LabelTree::default();
+    desk.project.masks.clear();
+    let mut harness = desk.shown();
+    let at = on_screen(&harness, 12.5, 30.5);
+    harness.hover_at(at);
+    harness.run_steps(6);
+    let request = harness.state().shell.view.hover_request.clone().unwrap();
+    assert_eq!(request.label, LabelTree::default().next_id());
+    assert!(
+        harness.state().requested.is_empty(),
+        "a preview adds no label"
+    );
+}
+
+#[test]
+fn first_answer_of_a_project_names_ctrl_click() {
+    const TEXT: &str = "Ctrl+click labels another object.";
+    let mut desk = answered(2);
+    let first = desk.project.masks[&0].clone();
+    desk.project.masks = [(0, first.clone())].into();
+    let harness = desk.shown();
+    assert!(harness.query_by_label_contains(TEXT).is_some());
+    let mut desk = answered(2);
+    desk.project.masks = [(0, first.clone()), (1, first)].into();
+    let harness = desk.shown();
+    assert!(
+        harness.query_by_label_contains(TEXT).is_none(),
+        "known by now"
+    );
+}
+
+#[test]
+fn status_bar_says_what_the_buttons_do_with_each_tool() {
+    let mut harness = Desk::sample().shown();
+    for (tool, text) in [
+        (Tool::Click, "drag draws a box"),
+        (Tool::Brush, "right button erases"),
+        (Tool::Eraser, "Drag erases"),
+        (Tool::Polygon, "double click fills"),
+        (Tool::Border, "Press on the border"),
+        (Tool::Stem, "Click along the stem"),
+    ] {
+        harness.state_mut().shell.view.tool = tool;
+        harness.run_steps(2);
+        assert!(harness.query_by_label_contains(text).is_some(), "{tool:?}");
+        let at = on_screen(&harness, 12.5, 30.5);
+        harness.hover_at(at);
+        harness.run_steps(2);
+        assert!(
+            harness.query_by_label_contains(text).is_some(),
+            "{tool:?} over the image"
+        );
+    }
 }
