@@ -46,7 +46,7 @@ enum InstallState {
 }
 
 impl Installation {
-    /// Installs a network, and first the library that runs it if there is none.
+    /// Installs a network, after the library that runs it if that is missing.
     fn begin(
         &mut self,
         network: &'static str,
@@ -145,25 +145,27 @@ pub(crate) enum ClickOffer {
     Offer(String),
     /// Progress of the installation.
     Installing(String),
+    /// The network was installed just now; the last click should be answered again.
+    Installed,
 }
 
-/// Follows the offer for clicks, and returns what it shows.
-///
-/// Returns `true` in addition once the network is installed; the last click should then be answered
-/// again.
+/// Follows the offer for clicks, and returns its state; `None` while nothing is offered.
 pub(crate) fn click_offer(
     ctx: &Context,
     session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
-) -> (Option<ClickOffer>, bool) {
+) -> Option<ClickOffer> {
     let state = view.models.offers.for_clicks.follow(ctx, session, out);
     match state {
         InstallState::Running => {
             let text = view.models.offers.for_clicks.progress(session);
-            return (text.map(ClickOffer::Installing), false);
+            return text.map(ClickOffer::Installing);
         }
-        InstallState::Finished => return (None, !clicks_lack_a_network(session, view)),
+        // A network that failed its test is not used.
+        InstallState::Finished => {
+            return (!clicks_lack_a_network(session, view)).then_some(ClickOffer::Installed);
+        }
         InstallState::Idle => {}
     }
     let is_wanted = view.prefs.offer_networks
@@ -175,7 +177,7 @@ pub(crate) fn click_offer(
         let OfferedNetwork { title, benefit, .. } = FOR_CLICKS;
         format!("{title} ({}): {benefit}", facts(row))
     });
-    (text.map(ClickOffer::Offer), false)
+    text.map(ClickOffer::Offer)
 }
 
 /// Draws the offer for clicks.
@@ -193,6 +195,7 @@ pub(crate) fn click_offer_ui(
             ui.label(text);
             return;
         }
+        ClickOffer::Installed => return,
     };
     ui.label(text);
     let install = ui

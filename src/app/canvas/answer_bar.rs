@@ -2,7 +2,7 @@ use egui::{Align2, Area, Button, Frame, Rect, Ui};
 
 use super::draft::Tool;
 use super::prompts::{answer_again, resized, set_size};
-use crate::network_offer::{click_offer, click_offer_ui};
+use crate::network_offer::{ClickOffer, click_offer, click_offer_ui};
 use crate::tooltips::icon_button;
 use crate::{Action, SessionView, ViewState};
 use ostra_masks::{AnswerSize, LabelId, RunMask};
@@ -93,8 +93,9 @@ pub(super) fn answer_bar_ui(
     view: &mut ViewState,
     out: &mut Vec<Command>,
 ) {
-    let (offer, is_installed) = click_offer(ui.ctx(), session, view, out);
-    if is_installed {
+    let mut offer = click_offer(ui.ctx(), session, view, out);
+    if matches!(offer, Some(ClickOffer::Installed)) {
+        offer = None;
         answer_again(session, view, out);
     }
     let text = message(session, view);

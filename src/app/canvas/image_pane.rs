@@ -122,12 +122,11 @@ fn draw(
     {
         paint::texture(&painter, map, textures.vote_mismatch(ui.ctx(), region).id());
     }
+    let pointer = view.pointer_px.map(|at| map.to_screen(at));
     if let (Some(mask), Some(request)) = (session.hovered, &view.hover_request) {
         let color = paint::color_of(session, request.label);
-        let pointer = view.pointer_px.map(|at| map.to_screen(at));
         view.preview.draw(&painter, map, mask, color, pointer);
     }
-    let pointer = view.pointer_px.map(|at| map.to_screen(at));
     paint::prompts_and_draft(&painter, map, session, view, pointer);
     if let Some(at_px) = view
         .inspected_point
