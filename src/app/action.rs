@@ -181,6 +181,8 @@ pub enum Action {
     ToggleOutlines,
     /// Shows the mask of the selected label only, or of all labels.
     OnlyLabel,
+    /// Enlarges the selected label on the shown frame.
+    ZoomToLabel,
     /// Shows the image and the 3-D view.
     ShowBoth,
     /// Shows only the image.
@@ -198,6 +200,8 @@ pub enum Action {
     StackPanes,
     /// Shows the whole cloud in the 3-D view.
     FrameCloud,
+    /// Shows all cameras in the 3-D view.
+    FrameCameras,
     /// Views the scene from the shown frame's camera.
     LookThrough,
     /// Views the scene from one side.
@@ -399,6 +403,7 @@ const LIST: &[Row] = {
         A::MovePanel, LAYOUT, false, "Side panel on the left", "Move labels and steps to the other side of the window", None;
         A::Fit, VIEW, true, "Fit image", "Show the whole image", plain(Key::Num0);
         A::ActualSize, VIEW, false, "Image at 100 %", "Show one image pixel per screen pixel", shift(Key::Num0);
+        A::ZoomToLabel, VIEW, false, "Zoom to label", "Enlarge the selected label and its child labels on this frame", shift(Key::Z);
         A::NextLayer, VIEW, false, "Next layer", "Switch between image, depth, normals and confidence", plain(Key::F7);
         A::CompareBefore, VIEW, false, "Compare with previous mask", "Show the frame's mask before its last change, or the current one", plain(Key::F4);
         A::ToggleMasks, VIEW, true, "Show masks", "Show or hide the masks over the image", plain(Key::M);
@@ -406,6 +411,7 @@ const LIST: &[Row] = {
         A::OnlyLabel, VIEW, false, "Show only this label", "Show the mask of the selected label and its child labels, and hide the others on the image", shift(Key::M);
         A::ToggleHover, VIEW, false, "Preview a click", "Show the mask that a click at the pointer would give", plain(Key::F3);
         A::FrameCloud, SCENE, true, "Show whole cloud", "Bring the whole cloud into view", plain(Key::A);
+        A::FrameCameras, SCENE, false, "Show cameras", "Bring all cameras into view", shift(Key::L);
         A::LookThrough, SCENE, false, "Look through this frame's camera", "View the scene from where this frame was taken", plain(Key::L);
         A::LookFrom(Side::Front), SCENE, true, "From the front", "View from the side of most cameras", alt(Key::Num1);
         A::LookFrom(Side::Back), SCENE, false, "From behind", "View from behind", alt(Key::Num2);

@@ -4,6 +4,7 @@ use egui::{Context, Theme};
 use ostra_project::{EngineName, MaskOrigin, SegmenterId};
 use ostra_session::{EngineKind, JobTask, RangeChange};
 
+use super::canvas::label_extent;
 use super::panels::{has_chosen, scale_refusal};
 use super::ranges::{is_range_change, range_request, split_at};
 use super::{Action, Panes, SessionView, ViewState};
@@ -12,6 +13,7 @@ const NOTHING_OPEN: &str = "Nothing is open";
 const NO_PROJECT: &str = "Open or create a project first";
 const NO_FRAMES: &str = "Add frames to the project first";
 const NO_LABEL: &str = "Select a label first";
+const NOT_HERE: &str = "The selected label is not on this frame";
 const ONE_LABEL: &str = "There is no other label";
 const NO_MASK: &str = "This frame has no mask; click an object first";
 const NO_KEYFRAME: &str = "There is no keyframe; click an object first";
@@ -122,6 +124,10 @@ impl Action {
                 "No other label was selected before",
             ),
             A::FillHoles | A::RemoveIslands => label().or_else(mask),
+            A::ZoomToLabel => without_frames(session).or_else(label).or_else(|| {
+                let is_here = label_extent(session, view).is_some();
+                needs(is_here, NOT_HERE)
+            }),
             A::MakeKeyframe | A::ClearFrame => mask(),
             A::AcceptVote => conflict(),
             A::AcceptLabelVote => label().or_else(conflict),
@@ -162,7 +168,7 @@ impl Action {
             A::CopyMask => {
                 let is_here = |label| view.frames.presence.on_frame(view.frame).contains(&label);
                 let has_mask = view.label.is_some_and(is_here);
-                label.or(needs(has_mask, "The selected label is not on this frame"))
+                label.or(needs(has_mask, NOT_HERE))
             }
             change if is_range_change(change) => {
                 let reason = match change {
@@ -212,7 +218,7 @@ impl Action {
                 is_sam_installed(session),
                 "Needs Segment Anything; install it in File › Networks",
             )),
-            A::Fuse | A::LookThrough => {
+            A::Fuse | A::LookThrough | A::FrameCameras => {
                 let mut frames = session.project.frames.iter();
                 needs(frames.any(|frame| frame.posed_camera().is_some()), NO_CAMERAS)
             }

@@ -35,6 +35,29 @@ impl Attention {
     }
 }
 
+/// Shows a message of the system for the end of a job.
+///
+/// It is sent on a thread of its own, because the service may be slow to answer. A system without
+/// such a service shows none; the window asks for attention in any case.
+pub(super) fn notify_end(event: &Event, project: &str) {
+    let Some(text) = end_text(event) else {
+        return;
+    };
+    let mut notification = notify_rust::Notification::new();
+    notification.appname("OSTRA").summary(&text).body(project);
+    std::thread::spawn(move || notification.show().map(drop));
+}
+
+/// Returns what to say about the end of a job.
+fn end_text(event: &Event) -> Option<String> {
+    Some(match event {
+        Event::Finished { title, .. } => format!("{title}: done"),
+        Event::Failed { title, .. } => format!("{title}: failed"),
+        Event::Paused { .. } => "Tracking waits for a correction".into(),
+        _ => return None,
+    })
+}
+
 /// Returns the window's title with the share done of the oldest job, if it takes a while.
 pub(super) fn title_with_progress(title: &str, jobs: &[JobView]) -> String {
     let slow = jobs.iter().find(|job| job.elapsed.as_secs() >= 1);

@@ -16,6 +16,7 @@
 //! - `frame_review`: confirmed frames and frames to check.
 //! - `playback`, `player`: playback of the frames.
 //! - `ranges`: changes of a label over a range of frames.
+//! - `last_frames`: frames that were shown last in projects.
 //! - `opening`: dropped files, the form of a new project, recent projects and the example.
 //! - `option_names`: names of controls in place of options of the command line.
 //! - `textures`, `mask_drawings`: images and masks on the GPU.
@@ -50,6 +51,7 @@ mod file_manager;
 mod focus_ring;
 mod frame_review;
 mod icons;
+mod last_frames;
 mod leave;
 mod mask_drawings;
 mod menu;
@@ -88,6 +90,7 @@ pub use arrangement::{Arrangement, Pane};
 pub use canvas::{CanvasMap, Draft, Tool};
 pub use dialogs::{HelpPage, NewProjectForm, PathPicker, SourceKind};
 pub use frame_review::FrameReview;
+pub use last_frames::LastFrames;
 pub use menu_name::MenuName;
 pub use notices::{Notice, Notices, Severity};
 pub use opening::MakeExample;

@@ -1,13 +1,13 @@
 use egui::{Context, ThemePreference, ViewportCommand};
 use ostra_project::SegmenterId;
 
-use super::canvas::{Tool, clear_label, click_at, step_size};
+use super::canvas::{Tool, clear_label, click_at, label_extent, step_size};
 use super::dialogs::RelocateForm;
-use super::dialogs::{HelpPage, PathRequest, choose_path, typed_path};
+use super::dialogs::{HelpPage, IntoRequest, PathRequest, choose_path, typed_path};
 use super::panels::{InspectedPoint, add_label, listed, next_worst, pairs_in};
 use super::player::toggle_play;
 use super::ranges::{is_range_change, range_request, set_range, split_at};
-use super::view_state::{IntoRequest, SceneAction};
+use super::view_state::SceneAction;
 use super::{Action, Dialog, Panes, SessionView, Severity, ViewState};
 use ostra_masks::Direction;
 use ostra_project::{FuseRequest, ReconstructRequest};
@@ -95,6 +95,7 @@ fn edit(
         Action::AttachFragments => out.push(Command::Attach(AttachRequest::default())),
         Action::RangeFrom | Action::RangeTo | Action::DropRange => set_range(action, view),
         Action::CopyMask => view.copied = view.label.map(|label| (label, view.frame)),
+        Action::ZoomToLabel => zoom_to_label(session, view),
         Action::FillHoles => tidy(view, view.prefs.tidy_px, 0, out),
         Action::RemoveIslands => tidy(view, 0, view.prefs.tidy_px, out),
         other => start(other, ctx, session, view, out),
@@ -263,6 +264,7 @@ fn look_differently(action: Action, ctx: &Context, view: &mut ViewState) {
         Action::SwapPanes => view.prefs.arrangement.swap(),
         Action::StackPanes => view.prefs.arrangement.turn(),
         Action::FrameCloud => view.scene_action = Some(SceneAction::FrameAll),
+        Action::FrameCameras => view.scene_action = Some(SceneAction::FrameCameras),
         Action::LookThrough => {
             view.prefs.scene.orthographic = false;
             view.scene_action = Some(SceneAction::LookThrough);
@@ -285,9 +287,16 @@ fn toggle_panels(view: &mut ViewState) {
 
 fn actual_size(ctx: &Context, view: &mut ViewState) {
     if view.zoom.scale.is_none() {
-        view.zoom.centre_px = view.pointer_px.unwrap_or(view.image_middle_px);
+        let middle_px = view.canvas_map.map(|map| map.middle_px());
+        view.zoom.centre_px = view.pointer_px.or(middle_px).unwrap_or_default();
     }
     view.zoom.scale = Some(1.0 / ctx.pixels_per_point());
+}
+
+fn zoom_to_label(session: &SessionView<'_>, view: &mut ViewState) {
+    if let (Some(map), Some(part)) = (view.canvas_map, label_extent(session, view)) {
+        view.zoom.show(&map, part);
+    }
 }
 
 fn step(view: &mut ViewState, command: Command, out: &mut Vec<Command>) {

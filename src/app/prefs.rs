@@ -2,13 +2,16 @@ use egui::ThemePreference;
 use serde::{Deserialize, Serialize};
 
 use super::arrangement::Arrangement;
+use super::last_frames::LastFrames;
 use super::playback::PlaybackPrefs;
 use super::{ScenePrefs, Shortcuts};
 use ostra_compute::nn::Provider;
 use ostra_project::review::FLAG_BELOW;
 use ostra_view::OverlayStyle;
 
-/// Preferences kept between sessions. They never include project data.
+/// Preferences kept between sessions.
+///
+/// Of projects they include only the folders of the latest ones and which frame was shown there.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Prefs {
@@ -50,6 +53,8 @@ pub struct Prefs {
     pub provider: Provider,
     /// Whether networks are offered where they would help.
     pub offer_networks: bool,
+    /// Whether the system tells the end of long work while another window is in use.
+    pub notify: bool,
     /// Whether pixels that contradict the vote of all views are highlighted.
     #[serde(alias = "contradictions")]
     pub mismatches: bool,
@@ -58,6 +63,8 @@ pub struct Prefs {
     pub flag_below: f32,
     /// Speed, loop and stops of playback.
     pub playback: PlaybackPrefs,
+    /// Frames that were shown last in projects.
+    pub last_frames: LastFrames,
 }
 
 impl Default for Prefs {
@@ -83,9 +90,11 @@ impl Default for Prefs {
             timeline: true,
             provider: Provider::default(),
             offer_networks: true,
+            notify: true,
             mismatches: true,
             flag_below: FLAG_BELOW,
             playback: PlaybackPrefs::default(),
+            last_frames: LastFrames::default(),
         }
     }
 }

@@ -383,6 +383,10 @@ fn pressed(
     // Tab goes from control to control once one has the keyboard, and where no panel can be hidden.
     let is_travelling = ctx.memory(|memory| memory.focused().is_some())
         || !Action::TogglePanels.is_available(session, view);
+    let is_steering = |event: &Event| {
+        let has_keyboard = view.key_pointer.has_keyboard();
+        has_keyboard && matches!(event, Event::Key { key, .. } if is_arrow(*key))
+    };
     let action = |event: &Event| {
         let is_tab = matches!(event, Event::Key { key: Key::Tab, .. });
         view.prefs
@@ -390,13 +394,20 @@ fn pressed(
             .action_for(event)
             // Playback starts when its key is released.
             .filter(|&action| action != Action::TogglePlay)
-            .filter(|_| !(is_taken(event) || is_tab && is_travelling))
+            .filter(|_| !(is_taken(event) || is_tab && is_travelling || is_steering(event)))
     };
     let actions: Vec<Action> = ctx.input(|input| input.events.iter().filter_map(action).collect());
     if actions.contains(&Action::TogglePanels) {
         ctx.memory_mut(|memory| memory.move_focus(FocusDirection::None));
     }
     actions
+}
+
+fn is_arrow(key: Key) -> bool {
+    matches!(
+        key,
+        Key::ArrowLeft | Key::ArrowRight | Key::ArrowUp | Key::ArrowDown
+    )
 }
 
 /// Returns `true` if keys go to a menu, a list or a text field.

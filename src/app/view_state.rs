@@ -2,10 +2,10 @@ use ostra_project::SegmenterId;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use super::canvas::{AnswerBar, Draft, PreviewOutline, Tool, ZoomState};
+use super::canvas::{AnswerBar, CanvasMap, Draft, KeyPointer, PreviewOutline, Tool, ZoomState};
 use super::dialogs::{
-    ExportForm, HelpPage, ImageForm, ModelsForm, NewProjectForm, PaletteState, PathPicker,
-    PathRequest, RelocateForm, ScreenshotRequest, SheetState,
+    ExportForm, HelpPage, ImageForm, IntoRequest, ModelsForm, NewProjectForm, PaletteState,
+    PathPicker, PathRequest, RecipeTarget, RelocateForm, ScreenshotRequest, SheetState,
 };
 use super::frame_review::FrameReview;
 use super::panel_state::{LabelEditing, MatchView, PointCounts, TextPrompt};
@@ -167,8 +167,10 @@ pub struct ViewState {
     pub panes_rect: egui::Rect,
     /// Image position under the pointer, in pixels.
     pub pointer_px: Option<glam::DVec2>,
-    /// Centre of the shown image, in pixels.
-    pub image_middle_px: glam::DVec2,
+    /// Pointer that arrow keys move over the image.
+    pub key_pointer: KeyPointer,
+    /// How the image was last drawn.
+    pub canvas_map: Option<CanvasMap>,
 }
 
 /// Result shown in the 3-D view.
@@ -202,21 +204,14 @@ impl Shown {
 pub enum SceneAction {
     /// Shows the whole cloud.
     FrameAll,
+    /// Shows the cameras and the points.
+    FrameCameras,
     /// Views the scene from the camera of the shown frame.
     LookThrough,
     /// Centres the inspected point.
     ShowInspected,
     /// Views the scene from one side.
     LookFrom(Side),
-}
-
-/// File to write the history to as a recipe.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct RecipeTarget {
-    /// File to write.
-    pub path: PathBuf,
-    /// Whether the user agreed to replace an earlier export that was changed since.
-    pub may_replace: bool,
 }
 
 /// Dialogs of the window. At most one is open.
@@ -250,17 +245,6 @@ pub enum Dialog {
     Into(IntoRequest),
     /// Asks for a single path, typed or chosen.
     Path(PathRequest),
-}
-
-/// Request to choose the target label of a merge or split.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct IntoRequest {
-    /// Label that gives up its pixels.
-    pub label: LabelId,
-    /// First and last frame, both included.
-    pub range: (usize, usize),
-    /// Frame and image position of the part to split off; `None` merges the whole label.
-    pub piece: Option<(usize, glam::DVec2)>,
 }
 
 impl ViewState {
@@ -340,7 +324,8 @@ impl ViewState {
             answer: AnswerBar::default(),
             panes_rect: egui::Rect::NOTHING,
             pointer_px: None,
-            image_middle_px: glam::DVec2::ZERO,
+            key_pointer: KeyPointer::default(),
+            canvas_map: None,
         }
     }
 
@@ -396,6 +381,13 @@ impl ViewState {
                 self.coloring = Coloring::Label;
             }
         }
+    }
+
+    /// Sets the options of *Reconstruct*.
+    pub(super) fn set_reconstruction(&mut self, request: &ReconstructRequest) {
+        self.reconstruct = request.clone();
+        let pairs = request.pairs.iter().map(|[a, b]| format!("{a},{b}"));
+        self.pairs_text = pairs.collect::<Vec<_>>().join(" ");
     }
 
     /// Multiplies lengths in scene units by `factor`; drops the selected and the inspected points.

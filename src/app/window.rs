@@ -1,3 +1,5 @@
+mod session_contents;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -5,16 +7,16 @@ use std::time::Instant;
 use anyhow::Result;
 use egui::{Context, ViewportBuilder, ViewportCommand};
 
-use super::attention::{Attention, title_with_progress};
-use super::dialogs::PathPicker;
+use self::session_contents::view_of;
+use super::attention::{Attention, notify_end, title_with_progress};
+use super::dialogs::{PathPicker, RecipeTarget};
 use super::file_manager::open_folder;
 use super::opening::{MakeExample, Opening, example_folder, open_dropped, open_paths};
 use super::option_names::in_window_words;
 use super::scene_image::write_scene_image;
 use super::theme::set_theme;
-use super::view_state::RecipeTarget;
 use super::window_icon::window_icon;
-use super::{Layers, Panes, Prefs, SessionView, Severity, Shell, ViewState, layers_of};
+use super::{Layers, Prefs, SessionView, Severity, Shell, layers_of};
 use ostra_compute::nn::{ModelStatus, Provider};
 use ostra_core::disk;
 use ostra_frames::Frame;
@@ -66,6 +68,10 @@ pub struct Window {
     recent: Recent,
     title: String,
     attention: Attention,
+    /// Whether the end of long work may be shown by a message of the system.
+    notifies: bool,
+    /// Folder of the project that the view belongs to.
+    open_root: Option<PathBuf>,
     /// Number of changes of the project and its conflicts so far.
     revision: u64,
     opening: Opening,
@@ -93,6 +99,7 @@ impl Window {
             &cc.egui_ctx,
         );
         window.shell.view.picker = PathPicker::native();
+        window.notifies = true;
         if let Some(folder) = example_folder() {
             window.offer_example(folder, make_example);
         }
@@ -121,6 +128,8 @@ impl Window {
             recent,
             title: String::new(),
             attention: Attention::default(),
+            notifies: false,
+            open_root: None,
             revision: 0,
             opening: Opening::new(ctx),
         }
@@ -154,6 +163,9 @@ impl Window {
                 Event::Notice(_) | Event::Exported(_) | Event::Unchanged { .. }
             );
             if self.attention.is_due(&event, Instant::now()) && !ctx.input(|input| input.focused) {
+                if self.notifies && self.shell.view.prefs.notify {
+                    notify_end(&event, &self.open_name().unwrap_or_default());
+                }
                 ctx.send_viewport_cmd(ViewportCommand::RequestUserAttention(
                     egui::UserAttentionType::Informational,
                 ));
@@ -222,6 +234,10 @@ impl Window {
             self.session
                 .prepare(self.shell.view.frame, self.shell.view.segmenter);
         }
+        if let Some(root) = &self.open_root {
+            let view = &mut self.shell.view;
+            view.prefs.last_frames.note(root, view.frame);
+        }
         self.session.hover(self.shell.view.hover_request.clone());
         self.session.select(&self.shell.view.scene_select.steps);
         if std::mem::take(&mut self.shell.view.dismisses_unfinished) {
@@ -257,6 +273,9 @@ impl Window {
             _ => None,
         };
         let creates = matches!(command, Command::New(_) | Command::AddFrames(_));
+        if let Command::New(new) = &command {
+            self.shell.view.prefs.last_frames.forget(&new.root);
+        }
         let done = self.session.act(command);
         let done = if creates {
             self.opening.note_creation(done, &mut self.shell.view)
@@ -286,12 +305,14 @@ impl Window {
             return;
         }
         match event {
-            Event::Opened(path) => {
+            Event::Opened(root) => {
                 self.shell.project_changed();
-                self.recent.opened(&path);
+                self.recent.opened(&root);
+                self.resume(root);
             }
             Event::Inspecting(_) | Event::Closed => {
                 self.shell.project_changed();
+                self.open_root = None;
             }
             Event::Failed { error, .. } => self.fail(&error),
             Event::Warning(text) => self.tell(Severity::Warning, &text),
@@ -328,6 +349,20 @@ impl Window {
         }
     }
 
+    /// Shows the frame of a project that was shown last, and the options of an interrupted job.
+    fn resume(&mut self, root: PathBuf) {
+        let view = &mut self.shell.view;
+        view.frame = view.prefs.last_frames.of(&root);
+        if let Some(Command::Reconstruct(request)) = self
+            .session
+            .unfinished()
+            .map(|unfinished| &unfinished.command)
+        {
+            view.set_reconstruction(request);
+        }
+        self.open_root = Some(root);
+    }
+
     /// Loads images of the open frames.
     ///
     /// Loaded images are kept if only cameras or depth maps changed.
@@ -358,20 +393,22 @@ impl Window {
         self.shown_frames = Arc::clone(frames);
     }
 
+    /// Returns the name of the open project or cloud.
+    fn open_name(&self) -> Option<String> {
+        let open = self.session.root().or(self.session.inspected());
+        let name = open.and_then(Path::file_name)?;
+        Some(name.to_string_lossy().into_owned())
+    }
+
     fn window_title(&self) -> String {
-        let open = self
-            .session
-            .root()
-            .or(self.session.inspected())
-            .and_then(Path::file_name);
         let access = if self.session.view_reason().is_some() {
             " (viewing only)"
         } else {
             ""
         };
-        let title = open.map_or("OSTRA".into(), |name| {
-            format!("{}{access} – OSTRA", name.to_string_lossy())
-        });
+        let title = self
+            .open_name()
+            .map_or("OSTRA".into(), |name| format!("{name}{access} – OSTRA"));
         title_with_progress(&title, &self.session.jobs())
     }
 
@@ -421,69 +458,6 @@ fn changes_project(event: &Event) -> bool {
             | Event::CloudChanged
             | Event::ConflictsChanged
     )
-}
-
-/// Returns what the session shows in a view; `nothing` is the project while none is open.
-///
-/// Images, layers, jobs, engines, networks, recent projects, the mask before the last step and
-/// the revision are left out.
-fn view_of<'a>(
-    session: &'a Session,
-    nothing: &'a Arc<Project>,
-    view: &ViewState,
-) -> SessionView<'a> {
-    let conflicts = session.conflicts();
-    let measures = &view.measures;
-    SessionView {
-        project: session.project().unwrap_or(nothing),
-        revision: 0,
-        root: session.root(),
-        cloud: session.cloud(),
-        votes: session.votes(),
-        proposed: view
-            .instances
-            .and_then(|request| session.proposed_instances(request)),
-        has_surface: session.surface_voxel().is_some(),
-        surface: view
-            .shown
-            .surface()
-            .and_then(|surface| session.surface(surface)),
-        preview_cloud: session.preview_cloud(),
-        depth_points: (view.prefs.panes != Panes::Image)
-            .then(|| session.depth_points(view.frame, view.prefs.scene.frame_points))
-            .flatten(),
-        sparse: session.sparse(),
-        chosen: session.selected(),
-        inspected: session.inspected(),
-        images: None,
-        layers: None,
-        hovered: session.hovered(),
-        jobs: &[],
-        engines: &[],
-        models: &[],
-        last_prompt: session.last_prompt(),
-        undo: session.undo_title(),
-        redo: session.redo_title(),
-        recent: &[],
-        recent_projects: None,
-        survey: None,
-        survey_images: None,
-        before: None,
-        suggestions: session.suggestions(),
-        grounding: session.grounding(),
-        conflicts,
-        vote_mismatch: view
-            .shows_mismatch(conflicts)
-            .then(|| session.vote_mismatch(view.frame))
-            .flatten(),
-        traits: measures
-            .open
-            .then(|| session.traits(measures.settings))
-            .flatten(),
-        angles: measures.open.then(|| session.angles(measures.pairs())),
-        unit: session.length_unit(),
-        unfinished: None,
-    }
 }
 
 #[cfg(test)]

@@ -4,10 +4,12 @@ use egui::accesskit::Action as NodeAction;
 use egui::{Key, Modifiers, Role};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
+use glam::DVec2;
 use ostra_app::{Dialog, HelpPage};
 use ostra_project::workflow::WorkflowStep;
+use ostra_session::Command;
 
-use crate::desk::{Desk, advanced_steps, open_step, press};
+use crate::desk::{Desk, advanced_steps, on_screen, open_step, press};
 
 const NONE: Modifiers = Modifiers::NONE;
 
@@ -181,4 +183,60 @@ fn ring_marks_the_control_that_tab_reaches() {
     harness.drag_at(egui::pos2(700.0, 450.0));
     harness.run_steps(2);
     assert_eq!(rings(&harness).len(), before, "the pointer needs no ring");
+}
+
+/// Returns the places and kinds of the clicks that were requested.
+fn clicks(harness: &Harness<'_, Desk>) -> Vec<(DVec2, bool)> {
+    let prompts = harness.state().requested.iter();
+    let clicks = prompts.filter_map(|command| match command {
+        Command::Prompt(request) => request.prompt.clicks.last().copied(),
+        _ => None,
+    });
+    clicks.map(|click| (click.at_px, click.include)).collect()
+}
+
+#[test]
+fn objects_are_labelled_by_keys_alone() {
+    let mut harness = Desk::sample().shown();
+    harness.get_by_label("Image 000.png").focus();
+    harness.run_steps(2);
+    let middle = DVec2::new(32.5, 24.5);
+    assert_eq!(harness.state().shell.view.pointer_px, Some(middle));
+    press(&mut harness, Modifiers::SHIFT, Key::ArrowRight);
+    press(&mut harness, Modifiers::SHIFT, Key::ArrowUp);
+    let beside = middle + DVec2::new(1.0, -1.0);
+    press(&mut harness, NONE, Key::Enter);
+    assert_eq!(clicks(&harness), [(beside, true)]);
+    press(&mut harness, NONE, Key::ArrowLeft);
+    let far = harness.state().shell.view.pointer_px.unwrap();
+    assert!(far.x < beside.x && far.y == beside.y, "{far}");
+    press(&mut harness, NONE, Key::E);
+    assert_eq!(clicks(&harness).last(), Some(&(far, false)));
+    for _ in 0..100 {
+        press(&mut harness, NONE, Key::ArrowLeft);
+    }
+    let edge = DVec2::new(0.5, far.y);
+    assert_eq!(harness.state().shell.view.pointer_px, Some(edge));
+    assert_eq!(harness.state().shell.view.frame, 0, "the frame stays");
+
+    press(&mut harness, NONE, Key::Escape);
+    press(&mut harness, NONE, Key::ArrowRight);
+    assert_eq!(harness.state().shell.view.frame, 1, "the image let it go");
+    assert_eq!(harness.state().shell.view.pointer_px, None);
+}
+
+#[test]
+fn mouse_takes_the_pointer_back_from_the_keys() {
+    let mut harness = Desk::sample().shown();
+    harness.get_by_label("Image 000.png").focus();
+    harness.run_steps(2);
+    press(&mut harness, NONE, Key::ArrowLeft);
+    let at = on_screen(&harness, 10.5, 40.5);
+    harness.hover_at(at);
+    harness.run_steps(2);
+    let pointer = harness.state().shell.view.pointer_px.unwrap();
+    assert!(pointer.distance(DVec2::new(10.5, 40.5)) < 0.1, "{pointer}");
+    press(&mut harness, Modifiers::SHIFT, Key::ArrowRight);
+    let moved = harness.state().shell.view.pointer_px.unwrap();
+    assert_eq!(moved, DVec2::new(11.5, 40.5), "keys go on from there");
 }

@@ -1,8 +1,9 @@
 //! Tests of the label list with many labels.
 
-use egui::{Event, Key, Modifiers};
+use egui::{Event, Key, Modifiers, Rect};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
+use glam::DVec2;
 use ostra_masks::{Label, LabelId, LabelTree};
 
 use crate::desk::{Desk, press};
@@ -143,4 +144,29 @@ fn new_labels_begin_with_magenta_cyan_and_orange() {
     assert!(magenta[0] > 200 && magenta[1] < 100 && magenta[2] > 180);
     assert!(cyan[0] < 100 && cyan[1] > 150 && cyan[2] > 200);
     assert!(orange[0] > 240 && (100..180).contains(&orange[1]) && orange[2] < 80);
+}
+
+#[test]
+fn zoom_to_label_shows_the_label_with_its_children() {
+    let mut harness = Desk::sample().shown();
+    let shown = |harness: &Harness<'_, Desk>| {
+        let map = harness.state().shell.view.canvas_map.unwrap();
+        let corners = [(20.0, 10.0), (40.0, 30.0)];
+        let [a, b] = corners.map(|(x, y)| map.to_screen(DVec2::new(x, y)));
+        (map, Rect::from_two_pos(a, b))
+    };
+    // Of the plant, only its leaf is on the frame.
+    harness.state_mut().shell.view.label = Some(LabelId(1));
+    let (whole, _) = shown(&harness);
+    press(&mut harness, Modifiers::SHIFT, Key::Z);
+    harness.run_steps(2);
+    let (map, leaf) = shown(&harness);
+    assert!(map.scale > 1.2 * whole.scale, "{}", map.scale);
+    assert!(map.pane.contains_rect(leaf), "{leaf} in {}", map.pane);
+    assert!((leaf.center() - map.pane.center()).length() < 1.0);
+
+    harness.state_mut().shell.view.label = Some(LabelId(3));
+    press(&mut harness, Modifiers::SHIFT, Key::Z);
+    harness.run_steps(2);
+    assert_eq!(shown(&harness).0, map, "the pot is not on the frame");
 }

@@ -14,7 +14,7 @@ use ostra_project::workflow::WorkflowStep;
 use ostra_session::Command;
 use ostra_view::Coloring;
 
-use crate::desk::{Desk, drag, open_step, press};
+use crate::desk::{Desk, drag, labels, open_advanced, open_step, press};
 use crate::running::reconstruction;
 
 const STEPS: [WorkflowStep; 5] = [
@@ -357,4 +357,19 @@ fn range_actions_are_in_the_status_line_and_its_menu() {
     harness.get_by_label("Clear range").click();
     harness.run_steps(3);
     assert_eq!(harness.state().shell.view.range, None);
+}
+
+#[test]
+fn advanced_settings_are_closed_in_the_next_project() {
+    let mut harness = Desk::sample().shown();
+    open_advanced(&mut harness, WorkflowStep::Track);
+    let is_open =
+        |harness: &Harness<'_, Desk>| harness.query_by_label("Replace other labels").is_some();
+    assert!(is_open(&harness), "{:?}", labels(&harness));
+    harness.state_mut().root = Some("/projects/another".into());
+    harness.state_mut().shell.project_changed();
+    harness.run_steps(2);
+    open_step(&mut harness, WorkflowStep::Track);
+    harness.run_steps(20);
+    assert!(!is_open(&harness));
 }

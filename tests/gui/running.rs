@@ -179,4 +179,7 @@ fn interrupted_reconstruction_can_be_continued_with_its_options_or_dismissed() {
     assert_eq!(harness.state().requested, [command]);
     click(&mut harness, "Dismiss interrupted reconstruction");
     assert!(harness.state().shell.view.dismisses_unfinished);
+    harness.state_mut().unfinished.as_mut().unwrap().fraction = 0.001;
+    harness.run_steps(2);
+    harness.get_by_label("Reconstruction was interrupted near its beginning");
 }

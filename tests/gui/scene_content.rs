@@ -189,6 +189,34 @@ fn button_brings_cameras_back_if_they_are_all_that_is_shown() {
 }
 
 #[test]
+fn button_shows_cameras_that_are_outside_the_view_of_a_cloud() {
+    const CAMERAS: &str = "Show cameras (Shift+L)";
+    let mut desk = desk();
+    desk.cloud = Some(square(Vec3::new(60.0, 0.0, 0.0), 1.0));
+    desk.shell.view.prefs.frusta = true;
+    let mut harness = desk.shown();
+    harness.run_steps(3);
+    let far = orbit(&harness).distance;
+    harness.get_by_label(CAMERAS).click();
+    harness.run_steps(4);
+    assert!(harness.query_by_label(CAMERAS).is_none());
+    assert!(
+        harness.query_by_label(ALL).is_none(),
+        "the cloud is still in view"
+    );
+    assert!(orbit(&harness).distance > 10.0 * far);
+    press(&mut harness, Modifiers::NONE, Key::A);
+    harness.run_steps(4);
+    assert!(harness.query_by_label(CAMERAS).is_some());
+    harness.state_mut().shell.view.prefs.frusta = false;
+    harness.run_steps(2);
+    assert!(
+        harness.query_by_label(CAMERAS).is_none(),
+        "nobody asked for cameras"
+    );
+}
+
+#[test]
 fn points_of_depth_maps_are_shown_until_there_is_a_cloud() {
     let mut desk = desk();
     desk.depth_points = Some(Arc::new(DepthPoints {

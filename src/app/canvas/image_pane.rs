@@ -10,7 +10,7 @@ use super::paint;
 use super::prompts::{id_at, with_click};
 use super::shown_image::ShownImage;
 use super::toolbar::toolbar_ui;
-use crate::action::Requests;
+use crate::action::{Action, Requests};
 use crate::pointer::HoverDwell;
 use crate::textures::Textures;
 use crate::{SessionView, Tone, ViewState};
@@ -30,7 +30,6 @@ pub(crate) fn image_pane_ui(
         return false;
     };
     let size_px = [frame.width.max(1), frame.height.max(1)];
-    view.image_middle_px = glam::DVec2::new(f64::from(size_px[0]), f64::from(size_px[1])) / 2.0;
     let zoom_percent = view
         .zoom
         .map(ui.available_rect_before_wrap(), size_px)
@@ -51,10 +50,17 @@ pub(crate) fn image_pane_ui(
         canvas_input(&pointer, session, view, &mut requests.commands);
     }
     let map = view.zoom.map(pane, size_px);
-    view.pointer_px = response
+    let mouse_px = response
         .hover_pos()
         .and_then(|at| map.inside(map.to_px(at)));
-    if view.pointer_px.is_some() && !ui.input(|i| i.key_down(egui::Key::Space)) {
+    let is_entered = (view.key_pointer).follow(ui, &response, &map, &mut view.zoom);
+    let map = view.zoom.map(pane, size_px);
+    view.canvas_map = Some(map);
+    view.pointer_px = view.key_pointer.at_px().or(mouse_px);
+    if is_entered && view.tool == Tool::Click {
+        requests.actions.push(Action::IncludeHere);
+    }
+    if mouse_px.is_some() && !ui.input(|i| i.key_down(egui::Key::Space)) {
         ui.ctx().set_cursor_icon(egui::CursorIcon::Crosshair);
     }
     follow_pointer(ui, &response, &map, session, view);
@@ -134,6 +140,9 @@ fn draw(
         .and_then(|inspected_point| inspected_point.seen_in(view.frame))
     {
         paint::sight(&painter, map, at_px);
+    }
+    if let Some(at_px) = view.key_pointer.at_px() {
+        paint::key_pointer(&painter, map, at_px);
     }
     if let Some(at) = pointer {
         paint::brush_circle(&painter, map, view, at);

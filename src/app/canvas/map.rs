@@ -1,5 +1,6 @@
 use egui::{Pos2, Rect, Vec2};
 use glam::DVec2;
+use ostra_masks::PxBox;
 
 /// Zoom and position of the image in its pane. They are kept when the shown frame changes.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -25,6 +26,8 @@ pub struct CanvasMap {
 
 /// Margin around a fitted image, in screen points.
 const MARGIN: f32 = 10.0;
+/// Margin around a part of the image that is shown, as a share of its size.
+const PART_MARGIN: f64 = 0.2;
 /// Largest zoom, in screen points per image pixel. A larger one shows no more detail.
 const MAX_SCALE: f32 = 64.0;
 
@@ -32,7 +35,7 @@ impl ZoomState {
     /// Returns the mapping for an image of this size in this pane.
     #[must_use]
     pub fn map(&self, pane: Rect, size_px: [u32; 2]) -> CanvasMap {
-        let middle = DVec2::new(f64::from(size_px[0]), f64::from(size_px[1])) / 2.0;
+        let middle = DVec2::from(size_px.map(f64::from)) / 2.0;
         match self.scale {
             Some(scale) => CanvasMap {
                 pane,
@@ -59,6 +62,16 @@ impl ZoomState {
         self.centre_px =
             fixed - DVec2::new(f64::from(offset.x), f64::from(offset.y)) / f64::from(scale);
         self.keep_in_sight(map.size_px);
+    }
+
+    /// Shows a part of the image, with a margin around it.
+    pub fn show(&mut self, map: &CanvasMap, part: PxBox) {
+        let size = (part.max_px - part.min_px).max(DVec2::ONE) * (1.0 + 2.0 * PART_MARGIN);
+        let pane = DVec2::new(f64::from(map.pane.width()), f64::from(map.pane.height()));
+        let least = fit_scale(map.pane, map.size_px);
+        let scale = (pane / size).min_element() as f32;
+        self.scale = Some(scale.clamp(least.min(MAX_SCALE), MAX_SCALE));
+        self.centre_px = (part.min_px + part.max_px) / 2.0;
     }
 
     /// Moves the image by a pointer movement in screen points.
@@ -91,6 +104,12 @@ impl CanvasMap {
     pub fn to_screen(&self, at_px: DVec2) -> Pos2 {
         let offset = (at_px - self.centre_px) * f64::from(self.scale);
         self.pane.center() + Vec2::new(offset.x as f32, offset.y as f32)
+    }
+
+    /// Returns the centre of the image, in pixels.
+    #[must_use]
+    pub fn middle_px(&self) -> DVec2 {
+        DVec2::from(self.size_px.map(f64::from)) / 2.0
     }
 
     /// Returns the screen rectangle of the whole image.
@@ -156,6 +175,32 @@ mod tests {
         let after = zoom.map(PANE, [640, 480]);
         assert!((before.to_px(at) - after.to_px(at)).length() < 1e-4);
         assert!((after.scale / before.scale - 2.5).abs() < 1e-4);
+    }
+
+    #[test]
+    fn part_of_the_image_fills_the_pane_with_a_margin() {
+        let mut zoom = ZoomState::default();
+        let map = zoom.map(PANE, [640, 480]);
+        let part = PxBox {
+            min_px: DVec2::new(600.0, 100.0),
+            max_px: DVec2::new(630.0, 200.0),
+        };
+        zoom.show(&map, part);
+        let map = zoom.map(PANE, [640, 480]);
+        let [min, max] = [part.min_px, part.max_px].map(|at| map.to_screen(at));
+        assert!(PANE.contains(min) && PANE.contains(max));
+        assert!(((max.y - min.y) / PANE.height() - 1.0 / 1.4).abs() < 0.01);
+        zoom.show(
+            &map,
+            PxBox {
+                min_px: DVec2::ZERO,
+                max_px: DVec2::new(640.0, 480.0),
+            },
+        );
+        assert_eq!(
+            zoom.scale,
+            ZoomState::default().map(PANE, [640, 480]).scale.into()
+        );
     }
 
     #[test]

@@ -147,6 +147,16 @@ pub(super) fn sight(painter: &Painter, map: &CanvasMap, at_px: glam::DVec2) {
     }
 }
 
+/// Draws the pointer that arrow keys move: a cross with a gap around the pixel.
+pub(super) fn key_pointer(painter: &Painter, map: &CanvasMap, at_px: glam::DVec2) {
+    let at = map.to_screen(at_px);
+    for (width, color) in [(4.0, Color32::BLACK), (2.0, Color32::WHITE)] {
+        for side in [Vec2::X, -Vec2::X, Vec2::Y, -Vec2::Y] {
+            painter.line_segment([at + 4.0 * side, at + 16.0 * side], Line::new(width, color));
+        }
+    }
+}
+
 /// Draws the brush as a circle around the pointer.
 pub(super) fn brush_circle(painter: &Painter, map: &CanvasMap, view: &ViewState, pointer: Pos2) {
     if matches!(view.tool, Tool::Brush | Tool::Eraser) {

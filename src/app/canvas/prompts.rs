@@ -344,6 +344,24 @@ pub(super) fn chosen_label(
     Some(label)
 }
 
+/// Returns the box around the selected label and its child labels on the shown frame.
+pub(crate) fn label_extent(session: &SessionView<'_>, view: &ViewState) -> Option<PxBox> {
+    let label = view.label?;
+    let extents = session.project.masks.get(&view.frame)?.runs.extents();
+    let below = session.project.labels.descendants(label);
+    let found = std::iter::once(label)
+        .chain(below)
+        .filter_map(|id| extents.get(&id));
+    let boxes = found.map(|extent| PxBox {
+        min_px: DVec2::from(extent.min.map(f64::from)),
+        max_px: DVec2::from(extent.max.map(f64::from)) + 1.0,
+    });
+    boxes.reduce(|a, b| PxBox {
+        min_px: a.min_px.min(b.min_px),
+        max_px: a.max_px.max(b.max_px),
+    })
+}
+
 /// Returns the label at an image position.
 pub(crate) fn id_at(mask: &RunMask, at_px: DVec2) -> LabelId {
     if at_px.x < 0.0

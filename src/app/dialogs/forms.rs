@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use super::picker::typed_path;
 use crate::Action;
 use ostra_frames::{DepthSource, Frame, ImageSource};
+use ostra_masks::LabelId;
 use ostra_session::Command;
 
 /// State of the dialog that saves the 3-D view.
@@ -204,6 +205,26 @@ pub struct Installation {
     /// Number of the drawn frame in which the first of them was asked for; its job runs from the
     /// next one on.
     pub(crate) asked_in: u64,
+}
+
+/// File to write the history to as a recipe.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RecipeTarget {
+    /// File to write.
+    pub path: PathBuf,
+    /// Whether the user agreed to replace an earlier export that was changed since.
+    pub may_replace: bool,
+}
+
+/// Request to choose the target label of a merge or split.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct IntoRequest {
+    /// Label that gives up its pixels.
+    pub label: LabelId,
+    /// First and last frame, both included.
+    pub range: (usize, usize),
+    /// Frame and image position of the part to split off; `None` merges the whole label.
+    pub piece: Option<(usize, glam::DVec2)>,
 }
 
 /// State of the palette.

@@ -1,8 +1,8 @@
 use egui::{Key, Ui};
 
+use super::forms::IntoRequest;
 use crate::panels::{ListedLabel, listed};
 use crate::tooltips::modal;
-use crate::view_state::IntoRequest;
 use crate::{SessionView, ViewState};
 use ostra_masks::LabelId;
 use ostra_session::{Command, RangeChange, RangeRequest};

@@ -24,8 +24,8 @@ pub(super) use export::export_ui;
 pub use export_form::ExportForm;
 pub(super) use exported::exported_ui;
 pub use forms::{
-    ImageForm, Installation, ModelsForm, PaletteState, RelocateForm, ScreenshotRequest, SheetState,
-    Take,
+    ImageForm, Installation, IntoRequest, ModelsForm, PaletteState, RecipeTarget, RelocateForm,
+    ScreenshotRequest, SheetState, Take,
 };
 pub(super) use go_to_frame::go_to_frame_ui;
 pub(super) use help::help_ui;
@@ -36,7 +36,7 @@ pub(super) use new_project::new_project_ui;
 pub use new_project_form::{NewProjectForm, SourceKind};
 pub(super) use palette::palette_ui;
 pub(super) use path::{choose_path, path_ui, relocate_ui, take_picked};
-pub(super) use picker::{PathField, Pick, PickTarget, path_field_ui, typed_path};
+pub(super) use picker::{FileKind, PathField, Pick, PickTarget, path_field_ui, typed_path};
 pub use picker::{PathPicker, PathRequest};
 pub(super) use preferences::preferences_ui;
 pub(super) use scene_image::image_ui;

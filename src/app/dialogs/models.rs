@@ -2,7 +2,7 @@ use ostra_session::JobTask;
 
 use egui::{Button, ComboBox, ProgressBar, ScrollArea, Ui};
 
-use super::picker::{PathField, Pick, PickTarget, path_field_ui, typed_path};
+use super::picker::{FileKind, PathField, Pick, PickTarget, path_field_ui, typed_path};
 use crate::panels::progress_text;
 use crate::tooltips::{add_explained, modal};
 use crate::{SessionView, ViewState};
@@ -331,7 +331,7 @@ fn running_ui(ui: &mut Ui, job: &JobView) {
 /// Asks for the files of a network, or for the folder that contains them.
 fn adding_ui(ui: &mut Ui, view: &mut ViewState, row: &ModelStatus, out: &mut Vec<Command>) {
     let (hint, pick) = match row.files.as_slice() {
-        [_] => ("its file", Pick::File),
+        [_] => ("its file", Pick::File(FileKind::NETWORK)),
         _ => ("folder that holds them", Pick::Folder),
     };
     ui.weak(format!("From {}", row.source));

@@ -6,7 +6,7 @@ use egui::{DragValue, Grid, Key, RichText, ScrollArea, TextEdit, Ui};
 
 use super::new_project_form::{NewProjectForm, SourceKind, Stage, resolved};
 use super::picker::{
-    NO_CHOOSER, PathField, PathPicker, Pick, PickTarget, path_field_ui, typed_path,
+    FileKind, NO_CHOOSER, PathField, PathPicker, Pick, PickTarget, path_field_ui, typed_path,
 };
 use super::survey::found_ui;
 use crate::option_names::in_window_words;
@@ -270,13 +270,14 @@ fn places_ui(ui: &mut Ui, picker: &mut PathPicker, form: &mut NewProjectForm) {
         });
         ui.end_row();
     }
-    intrinsics_ui(
-        ui,
-        "Intrinsics",
-        "fx, fy, cx, cy of all frames in pixels",
-        "fx, fy, cx, cy, or a file",
-        &mut form.intrinsics,
-    );
+    let field = PathField {
+        name: "Intrinsics",
+        hint: "fx, fy, cx, cy, or a file",
+        pick: Pick::File(FileKind::TEXT),
+        target: PickTarget::Intrinsics,
+    };
+    let tip = "fx, fy, cx, cy of all frames in pixels";
+    intrinsics_ui(ui, picker, &field, tip, &mut form.intrinsics);
 }
 
 fn depth_ui(ui: &mut Ui, picker: &mut PathPicker, form: &mut NewProjectForm) {
@@ -296,13 +297,13 @@ fn depth_ui(ui: &mut Ui, picker: &mut PathPicker, form: &mut NewProjectForm) {
     );
     let tip = "fx, fy, cx, cy of the camera that measured the depths, in their pixels; empty where depths lie on the \
                images, pixel for pixel";
-    intrinsics_ui(
-        ui,
-        "Depth camera",
-        tip,
-        "same as the images",
-        &mut form.depth_intrinsics,
-    );
+    let field = PathField {
+        name: "Depth camera",
+        hint: "same as the images",
+        pick: Pick::File(FileKind::TEXT),
+        target: PickTarget::DepthIntrinsics,
+    };
+    intrinsics_ui(ui, picker, &field, tip, &mut form.depth_intrinsics);
     if form.has_depth_camera() {
         ui.label("Depth pose").on_hover_text(
             "Text file with the 4 × 4 matrix from depth camera to image camera, in metres; optional",
@@ -311,7 +312,7 @@ fn depth_ui(ui: &mut Ui, picker: &mut PathPicker, form: &mut NewProjectForm) {
             let field = PathField {
                 name: "Depth pose",
                 hint: "same position",
-                pick: Pick::File,
+                pick: Pick::File(FileKind::TEXT),
                 target: PickTarget::DepthPose,
             };
             path_field_ui(ui, picker, &field, &mut form.depth_pose);
@@ -320,14 +321,16 @@ fn depth_ui(ui: &mut Ui, picker: &mut PathPicker, form: &mut NewProjectForm) {
     }
 }
 
-fn intrinsics_ui(ui: &mut Ui, name: &str, tip: &str, hint: &str, text: &mut String) {
-    field(ui, name, tip, |ui| {
-        ui.add(
-            TextEdit::singleline(text)
-                .hint_text(hint)
-                .desired_width(360.0),
-        );
-    });
+fn intrinsics_ui(
+    ui: &mut Ui,
+    picker: &mut PathPicker,
+    field: &PathField<'_>,
+    tip: &str,
+    text: &mut String,
+) {
+    ui.label(field.name).on_hover_text(tip);
+    ui.horizontal(|ui| path_field_ui(ui, picker, field, text));
+    ui.end_row();
 }
 
 fn range_ui(ui: &mut Ui, form: &mut NewProjectForm) {

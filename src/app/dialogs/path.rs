@@ -3,12 +3,12 @@ use std::path::PathBuf;
 use egui::{Context, Grid, Key, Ui};
 
 use super::export_form::mask_format_ui;
+use super::forms::RecipeTarget;
 use super::picker::{
-    NO_CHOOSER, PathField, PathRequest, Pick, PickTarget, path_field_ui, typed_path,
+    FileKind, NO_CHOOSER, PathField, PathRequest, Pick, PickTarget, path_field_ui, typed_path,
 };
 use crate::ViewState;
 use crate::tooltips::{add_explained, field, modal};
-use crate::view_state::RecipeTarget;
 use ostra_project::ExportRequest;
 use ostra_session::{Command, MeasureSettings};
 
@@ -115,7 +115,7 @@ fn texts(request: PathRequest) -> Texts {
             "PLY file",
             "labelled point cloud (.ply)",
             "Open",
-            Pick::File,
+            Pick::File(FileKind::CLOUD),
         ),
         PathRequest::ImportMasks => (
             "Import masks",
@@ -129,14 +129,14 @@ fn texts(request: PathRequest) -> Texts {
             "Table file",
             "file to write (.csv)",
             "Save",
-            Pick::Save,
+            Pick::Save(FileKind::TABLE),
         ),
         PathRequest::SaveRecipe => (
             "Save history as recipe",
             "Recipe file",
             "file to write (.json)",
             "Save",
-            Pick::Save,
+            Pick::Save(FileKind::RECIPE),
         ),
     };
     Texts {
@@ -242,6 +242,8 @@ fn put_picked(view: &mut ViewState, target: PickTarget, paths: Vec<PathBuf>) {
         PickTarget::Frames => view.new_project.set_paths(paths),
         PickTarget::Depth => view.new_project.depth = text,
         PickTarget::Cameras => view.new_project.cameras = text,
+        PickTarget::Intrinsics => view.new_project.intrinsics = text,
+        PickTarget::DepthIntrinsics => view.new_project.depth_intrinsics = text,
         PickTarget::DepthPose => view.new_project.depth_pose = text,
         PickTarget::Root => view.new_project.root = text,
         PickTarget::ExportInto => view.export.into = text,
@@ -252,7 +254,7 @@ fn put_picked(view: &mut ViewState, target: PickTarget, paths: Vec<PathBuf>) {
         PickTarget::Image => view.image.path = text,
         PickTarget::Path(request) => {
             view.path_text = text;
-            view.confirmed_path = (texts(request).pick == Pick::Save).then_some(path);
+            view.confirmed_path = matches!(texts(request).pick, Pick::Save(_)).then_some(path);
         }
     }
 }

@@ -46,6 +46,10 @@ pub(crate) enum PickTarget {
     Depth,
     /// Cameras of a new project.
     Cameras,
+    /// Intrinsics of a new project's frames.
+    Intrinsics,
+    /// Intrinsics of a new project's depth camera.
+    DepthIntrinsics,
     /// Pose of a new project's depth camera.
     DepthPose,
     /// Folder of a new project.
@@ -74,11 +78,51 @@ pub(crate) enum Pick {
     /// Folders, one or more.
     Folders,
     /// Existing file.
-    File,
+    File(FileKind),
     /// Existing images and videos, one or more.
     ImagesAndVideos,
     /// File to write.
-    Save,
+    Save(FileKind),
+}
+
+/// Files that a chooser lists.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct FileKind {
+    /// Name of the filter.
+    name: &'static str,
+    /// File extensions.
+    endings: &'static [&'static str],
+    /// Suggested name of a file to write.
+    suggested: &'static str,
+}
+
+impl FileKind {
+    pub(crate) const CLOUD: Self = Self::read("Point clouds", &["ply"]);
+    pub(crate) const NETWORK: Self = Self::read(
+        "Networks",
+        &["onnx", "zip", "gz", "so", "dll", "dylib", "whl"],
+    );
+    pub(crate) const TEXT: Self = Self::read("Text files", &["txt", "json", "yml", "yaml"]);
+    pub(crate) const TABLE: Self = Self::write("Tables", &["csv"], "traits.csv");
+    pub(crate) const RECIPE: Self = Self::write("Recipes", &["json"], "recipe.json");
+    pub(crate) const IMAGE: Self = Self::write("Images", &["png"], "view.png");
+    pub(crate) const VIDEO: Self = Self::write("Videos", &["mp4", "mkv", "webm"], "turntable.mp4");
+
+    const fn read(name: &'static str, endings: &'static [&'static str]) -> Self {
+        Self::write(name, endings, "")
+    }
+
+    const fn write(
+        name: &'static str,
+        endings: &'static [&'static str],
+        suggested: &'static str,
+    ) -> Self {
+        Self {
+            name,
+            endings,
+            suggested,
+        }
+    }
 }
 
 /// File extensions that most videos have.
@@ -158,7 +202,12 @@ fn answer(pick: Pick) -> Answer {
         Pick::Folders => {
             Box::pin(async move { dialog.pick_folders().await.as_deref().map(paths_of) })
         }
-        Pick::File => Box::pin(async move { dialog.pick_file().await.as_ref().map(path_of) }),
+        Pick::File(kind) => {
+            let dialog = dialog
+                .add_filter(kind.name, kind.endings)
+                .add_filter("All files", &["*"]);
+            Box::pin(async move { dialog.pick_file().await.as_ref().map(path_of) })
+        }
         Pick::ImagesAndVideos => {
             let dialog = filters()
                 .into_iter()
@@ -169,7 +218,12 @@ fn answer(pick: Pick) -> Answer {
             let dialog = dialog.add_filter("All files", &["*"]);
             Box::pin(async move { dialog.pick_files().await.as_deref().map(paths_of) })
         }
-        Pick::Save => Box::pin(async move { dialog.save_file().await.as_ref().map(path_of) }),
+        Pick::Save(kind) => {
+            let dialog = dialog
+                .add_filter(kind.name, kind.endings)
+                .set_file_name(kind.suggested);
+            Box::pin(async move { dialog.save_file().await.as_ref().map(path_of) })
+        }
     }
 }
 

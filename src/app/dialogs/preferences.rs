@@ -111,6 +111,10 @@ fn general_ui(ui: &mut Ui, view: &mut ViewState) {
                 ui.checkbox(&mut view.prefs.offer_networks, "Offer them")
                     .on_hover_text("Offer to install a network where it would help");
             });
+            field(ui, "Messages", "Messages outside the window", |ui| {
+                ui.checkbox(&mut view.prefs.notify, "At the end of long work")
+                    .on_hover_text("Shown while another window is in use");
+            });
         });
 }
 

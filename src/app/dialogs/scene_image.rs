@@ -2,7 +2,7 @@ use egui::{DragValue, Ui};
 
 use super::export::replace_ui;
 use super::forms::ImageForm;
-use super::picker::{PathField, Pick, PickTarget, path_field_ui};
+use super::picker::{FileKind, PathField, Pick, PickTarget, path_field_ui};
 use crate::tooltips::{add_explained, modal};
 use crate::{Panes, ViewState};
 
@@ -38,15 +38,16 @@ pub(crate) fn image_ui(ui: &Ui, view: &mut ViewState) {
         }
         ui.add_space(8.0);
         ui.horizontal(|ui| {
-            let (name, hint) = if form.is_video {
-                ("Video file", "turntable.mp4, .mkv or .webm")
+            let (name, hint, kind) = if form.is_video {
+                let hint = "turntable.mp4, .mkv or .webm";
+                ("Video file", hint, FileKind::VIDEO)
             } else {
-                ("Image file", "view.png")
+                ("Image file", "view.png", FileKind::IMAGE)
             };
             let field = PathField {
                 name,
                 hint,
-                pick: Pick::Save,
+                pick: Pick::Save(kind),
                 target: PickTarget::Image,
             };
             path_field_ui(ui, &mut view.picker, &field, &mut form.path);

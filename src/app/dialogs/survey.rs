@@ -153,9 +153,9 @@ fn ticks_ui(ui: &mut Ui, form: &mut NewProjectForm, survey: &Survey) {
         .on_hover_text(tip);
     }
     let missing = match (&survey.depth, &survey.cameras) {
-        (None, None) => "Cameras: none · Depth: none. Reconstruct computes both.",
-        (None, Some(_)) => "Depth: none. Reconstruct computes it.",
-        (Some(_), None) => "Cameras: none. Reconstruct computes them.",
+        (None, None) => "Cameras: none · Depth: none. Step Cameras & depth computes both.",
+        (None, Some(_)) => "Depth: none. Step Cameras & depth computes it.",
+        (Some(_), None) => "Cameras: none. Step Cameras & depth computes them.",
         (Some(_), Some(_)) => return,
     };
     ui.weak(missing);

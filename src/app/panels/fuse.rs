@@ -2,7 +2,7 @@ use egui::{DragValue, RichText, Ui};
 use ostra_session::JobTask;
 
 use super::jobs::{RunButton, progress_text, run_button_ui};
-use crate::dialogs::{PathField, Pick, PickTarget, path_field_ui};
+use crate::dialogs::{FileKind, PathField, Pick, PickTarget, path_field_ui};
 use crate::tooltips::{add_explained, automatic_ui, field, grouped, section_heading};
 use crate::{Action, SessionView, ViewState};
 use ostra_project::ResultKind;
@@ -72,7 +72,7 @@ pub(super) fn fuse_advanced_ui(ui: &mut Ui, view: &mut ViewState) {
         let field = PathField {
             name: "Cloud to label",
             hint: "labelled PLY, or empty",
-            pick: Pick::File,
+            pick: Pick::File(FileKind::CLOUD),
             target: PickTarget::Onto,
         };
         path_field_ui(ui, &mut view.picker, &field, &mut view.onto_text);

@@ -4,7 +4,7 @@ use ostra_session::{Command, JobTask};
 
 use super::counts::counts_ui;
 use super::range_bar::range_bar_ui;
-use crate::canvas::id_at;
+use crate::canvas::{KeyPointer, id_at};
 use crate::tooltips::{action_button, grouped, primary_button};
 use crate::{Action, SessionView, ViewState};
 use ostra_masks::LabelId;
@@ -57,8 +57,12 @@ pub(crate) fn status_ui(
 }
 
 fn pointer_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState) {
+    let help = match view.key_pointer.at_px() {
+        Some(_) => KeyPointer::HELP,
+        None => view.tool.help(),
+    };
     let Some(at) = view.pointer_px else {
-        ui.weak(view.tool.help());
+        ui.weak(help);
         return;
     };
     ui.label(
@@ -90,7 +94,7 @@ fn pointer_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState) {
     } else {
         ui.weak("no label");
     }
-    ui.add(egui::Label::new(RichText::new(view.tool.help()).weak()).truncate());
+    ui.add(egui::Label::new(RichText::new(help).weak()).truncate());
 }
 
 /// Draws the running jobs with their progress and stop button.
@@ -251,10 +255,13 @@ pub(crate) fn unfinished_ui(
         return;
     };
     ui.horizontal_wrapped(|ui| {
-        ui.strong(format!(
-            "Reconstruction was interrupted at about {:.0} %",
-            unfinished.fraction * 100.0
-        ));
+        let percent = (unfinished.fraction * 100.0).round();
+        let place = if percent < 1.0 {
+            "near its beginning".to_owned()
+        } else {
+            format!("at about {percent:.0} %")
+        };
+        ui.strong(format!("Reconstruction was interrupted {place}"));
         let go_on = ui
             .button("Continue")
             .on_hover_text("Continue with the same options; finished parts are used again")

@@ -101,6 +101,27 @@ impl Framed {
         Some(self.fit_pane(before, aspect))
     }
 
+    /// Returns a view in the same direction that shows the cameras besides the points.
+    pub(super) fn frame_cameras(
+        &self,
+        session: &SessionView<'_>,
+        orbit: Orbit,
+        aspect: f32,
+    ) -> Orbit {
+        let points = bounds(session).map(|bounds| [bounds.min, bounds.max]);
+        let places = points.into_iter().flatten().chain(centres(session));
+        let Some(bounds) = Bounds::of(places) else {
+            return orbit;
+        };
+        let direction = orbit.rotation.conjugate() * Vec3::Z;
+        let framed = Orbit::framing(&bounds, direction, orbit.up);
+        Orbit {
+            distance: framed.distance / narrow(aspect),
+            orthographic: orbit.orthographic,
+            ..framed
+        }
+    }
+
     /// Returns whether content is shown that a view of the content so far may miss.
     ///
     /// A preview grows around the cameras and sparse points, and a cloud is where the depths were.
@@ -273,16 +294,37 @@ fn thinned(cloud: &LabelledCloud) -> LabelledCloud {
 #[derive(Default)]
 pub(super) struct InView {
     last: Option<(ViewCamera, Option<Weak<LabelledCloud>>)>,
-    /// Whether `is_missed` holds for the last camera.
-    is_known: bool,
-    is_missed: bool,
+    /// What the last camera misses, once it is known.
+    missed: Option<Missed>,
+}
+
+/// Content that is not in view.
+#[derive(Debug, Clone, Copy, Default)]
+struct Missed {
+    /// Whether there are points, but none in view.
+    points: bool,
+    /// Whether there are cameras, but none in view.
+    cameras: bool,
+}
+
+impl Missed {
+    fn of(session: &SessionView<'_>, camera: &ViewCamera) -> Self {
+        let misses = |places: &[Vec3]| !places.is_empty() && !is_any_in_view(places, camera);
+        let centres: Vec<Vec3> = centres(session).collect();
+        Self {
+            points: session
+                .points()
+                .is_some_and(|points| misses(&points.positions)),
+            cameras: misses(&centres),
+        }
+    }
 }
 
 impl InView {
-    /// Returns whether nothing of the content is in view.
+    /// Returns what is not in view.
     ///
     /// All points may have to be tried, so this is found out when the view rests.
-    fn misses(&mut self, ui: &Ui, session: &SessionView<'_>, camera: ViewCamera) -> bool {
+    fn missed(&mut self, ui: &Ui, session: &SessionView<'_>, camera: ViewCamera) -> Missed {
         let cloud = session.points().map(Arc::downgrade);
         let is_same = self
             .last
@@ -293,22 +335,16 @@ impl InView {
             });
         if !is_same {
             self.last = Some((camera, cloud));
-            self.is_known = false;
+            self.missed = None;
             ui.ctx().request_repaint();
-        } else if !self.is_known {
-            self.is_known = true;
-            self.is_missed = match session.points() {
-                Some(points) => !is_any_in_view(&points.positions, &camera),
-                None => {
-                    let centres: Vec<Vec3> = centres(session).collect();
-                    !centres.is_empty() && !is_any_in_view(&centres, &camera)
-                }
-            };
+            return Missed::default();
         }
-        self.is_missed
+        *self
+            .missed
+            .get_or_insert_with(|| Missed::of(session, &camera))
     }
 
-    /// Draws a button that brings everything into view where nothing is.
+    /// Draws a button that brings everything into view where nothing is, or the cameras.
     pub(super) fn ui(
         &mut self,
         ui: &mut Ui,
@@ -317,31 +353,36 @@ impl InView {
         view: &ViewState,
         actions: &mut Vec<Action>,
     ) {
-        let has_content = match session.points() {
-            Some(points) => !points.is_empty(),
-            None => view.prefs.frusta,
-        };
-        if !has_content || !self.misses(ui, session, viewport.camera) {
+        let has_points = session.points().is_some_and(|points| !points.is_empty());
+        let has_frusta = view.prefs.frusta;
+        if !has_points && !has_frusta {
             return;
         }
-        let what = if session.points().is_some() {
-            "Show whole cloud"
+        let missed = self.missed(ui, session, viewport.camera);
+        // Clicks of the ruler and drags that select points are not to end on the button.
+        let is_free = !view.ruler.in_hand && !view.scene_select.in_hand;
+        let middle = viewport.rect.center();
+        let (action, what, centre) = if missed.points {
+            (Action::FrameCloud, "Show whole cloud", middle)
+        } else if !has_points && missed.cameras {
+            (Action::FrameCloud, "Show everything", middle)
+        } else if has_frusta && is_free && missed.cameras {
+            let above_axes = viewport.rect.right_bottom() + Vec2::new(-108.0, -110.0);
+            (Action::FrameCameras, "Show cameras", above_axes)
         } else {
-            "Show everything"
+            return;
         };
-        let keys = view.prefs.shortcuts.text(ui.ctx(), Action::FrameCloud);
+        let keys = view.prefs.shortcuts.text(ui.ctx(), action);
         let text = if keys.is_empty() {
             what.to_owned()
         } else {
             format!("{what} ({keys})")
         };
-        let place = Rect::from_center_size(viewport.rect.center(), Vec2::new(200.0, 32.0));
+        let place = Rect::from_center_size(centre, Vec2::new(200.0, 32.0));
         let button = ui.put(place, Button::new(text));
-        if button
-            .on_hover_text(view.prefs.shortcuts.tip(ui.ctx(), Action::FrameCloud))
-            .clicked()
-        {
-            actions.push(Action::FrameCloud);
+        let tip = view.prefs.shortcuts.tip(ui.ctx(), action);
+        if button.on_hover_text(tip).clicked() {
+            actions.push(action);
         }
     }
 }

@@ -147,6 +147,9 @@ impl ScenePane {
         let request = view.scene_action.take();
         let is_asked = request == Some(SceneAction::FrameAll);
         self.orbit = self.framed.follow(self.orbit, session, aspect, is_asked);
+        if let (Some(SceneAction::FrameCameras), Some(orbit)) = (request, &mut self.orbit) {
+            *orbit = self.framed.frame_cameras(session, *orbit, aspect);
+        }
         let follows = view.scene.through.is_some_and(|frame| frame != view.frame);
         if request == Some(SceneAction::LookThrough) || follows {
             let put = self.look_through(session.project.frames.get(view.frame));
@@ -403,7 +406,7 @@ impl ScenePane {
             return message(
                 ui,
                 rect,
-                "The 3-D view needs a graphics adapter; 'ostra shot' renders images without one.",
+                "The 3-D view needs a graphics adapter, and this computer offers none.",
             );
         };
         let scale = ui.pixels_per_point();

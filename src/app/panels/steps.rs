@@ -108,11 +108,11 @@ fn step_ui(
         WorkflowStep::Label => label_ui(ui, session, view, requests),
         WorkflowStep::Track => {
             track_ui(ui, session, view, &mut requests.actions);
-            advanced(ui, step, |ui| track_advanced_ui(ui, session, view));
+            advanced(ui, session, step, |ui| track_advanced_ui(ui, session, view));
         }
         WorkflowStep::Geometry => {
             reconstruct_ui(ui, session, view, &mut requests.actions);
-            advanced(ui, step, |ui| {
+            advanced(ui, session, step, |ui| {
                 reconstruct_advanced_ui(ui, session, view, &mut requests.actions);
             });
         }
@@ -122,7 +122,7 @@ fn step_ui(
                 section_heading(ui, "Conflicts");
                 conflicts_ui(ui, session, view, &mut requests.actions);
             }
-            advanced(ui, step, |ui| fuse_advanced_ui(ui, view));
+            advanced(ui, session, step, |ui| fuse_advanced_ui(ui, view));
         }
         WorkflowStep::Measure => measure_ui(ui, session, view, requests),
     }
@@ -146,8 +146,15 @@ fn purpose(step: WorkflowStep) -> &'static str {
 }
 
 /// Adds the settings that few people need, closed at first.
-fn advanced(ui: &mut Ui, step: WorkflowStep, content: impl FnOnce(&mut Ui)) {
-    let header = egui::CollapsingHeader::new("Advanced").id_salt(("advanced", title(step)));
+/// Draws the settings that few users change; they are closed in every project at first.
+fn advanced(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    step: WorkflowStep,
+    content: impl FnOnce(&mut Ui),
+) {
+    let salt = ("advanced", session.root, title(step));
+    let header = egui::CollapsingHeader::new("Advanced").id_salt(salt);
     header.show_unindented(ui, content);
 }
 
@@ -162,7 +169,7 @@ fn label_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState, reques
     text_prompt_ui(ui, session, view, &mut requests.commands);
     section_heading(ui, "Suggestions");
     suggestions_ui(ui, session, view, requests);
-    advanced(ui, WorkflowStep::Label, |ui| {
+    advanced(ui, session, WorkflowStep::Label, |ui| {
         segmenter_ui(ui, session, view);
     });
 }

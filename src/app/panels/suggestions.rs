@@ -5,6 +5,7 @@ use super::labels::add_label;
 use crate::action::Requests;
 use crate::canvas::id_at;
 use crate::network_offer::text_offer_ui;
+use crate::option_names::in_window_words;
 use crate::panel_state::MIN_SHOWN_SCORE;
 use crate::tooltips::{action_button, add_explained};
 use crate::{Action, SessionView, ViewState};
@@ -42,7 +43,7 @@ pub(crate) fn text_prompt_ui(
         .engines_of(EngineKind::Grounder)
         .next()
         .map_or("", |engine| engine.needs);
-    let needs = format!("Needs {needs}; see File › Networks");
+    let needs = format!("Needs {}", in_window_words(needs));
     let unavailable = if !installed {
         Some(needs.as_str())
     } else if session.running(&JobTask::FindByText).is_some() {

@@ -2,6 +2,7 @@ use egui::{Checkbox, DragValue, Ui};
 use ostra_session::JobTask;
 
 use super::jobs::{RunButton, progress_text, run_button_ui};
+use crate::option_names::in_window_words;
 use crate::tooltips::{add_explained, field};
 use crate::{Action, SessionView, ViewState};
 use ostra_frames::Frame;
@@ -272,7 +273,7 @@ fn engine_row_ui<I: EngineName>(ui: &mut Ui, engine: &EngineInfo, id: I, selecte
         (name, true) => name.to_owned(),
         (name, false) => format!("{name} (not installed)"),
     };
-    let tip = format!("Needs {}", engine.needs);
+    let tip = format!("Needs {}", in_window_words(engine.needs));
     let reason = (!engine.installed).then_some("It is not installed; see File › Networks");
     add_explained(ui, egui::Button::selectable(selected, text), &tip, reason).clicked()
 }

@@ -60,3 +60,35 @@ fn prompt_without_effect_is_reported_until_something_changes() {
     window.take(Event::Changed);
     assert!(!reported(&window));
 }
+
+#[test]
+fn project_opens_at_the_frame_that_was_shown_last() {
+    let mut window = window();
+    let [a, b] = ["/projects/a", "/projects/b"].map(PathBuf::from);
+    let shown = |window: &mut Window, root: &PathBuf| {
+        window.take(Event::Opened(root.clone()));
+        window.shell.view.frame
+    };
+    assert_eq!(shown(&mut window, &a), 0);
+    window.shell.view.frame = 7;
+    window.follow_view();
+    assert_eq!(shown(&mut window, &b), 0);
+    window.follow_view();
+    assert_eq!(shown(&mut window, &a), 7);
+    window.take(Event::Closed);
+    window.follow_view();
+    assert_eq!(shown(&mut window, &a), 7, "nothing was shown in between");
+}
+
+#[test]
+fn options_of_an_interrupted_reconstruction_return_to_the_form() {
+    let mut window = window();
+    let request = ostra_project::ReconstructRequest {
+        every: 4,
+        pairs: vec![[0, 12], [3, 40]],
+        ..Default::default()
+    };
+    window.shell.view.set_reconstruction(&request);
+    assert_eq!(window.shell.view.reconstruct.every, 4);
+    assert_eq!(window.shell.view.pairs_text, "0,12 3,40");
+}
