@@ -3,10 +3,11 @@
 //! `cargo bench --bench clicks [first] [corrections] [CLIP…]` on the images of `OSTRA_DATA`.
 //!
 //! `first` clicks the deepest point of each object and those of its other parts. It prints the
-//! share of answers with an IoU of at least 0.5: of the automatic size, of the best of all sizes,
-//! and of rules that replace an implausible answer by the best plausible one. An answer is
-//! implausible if it covers a share of the image or touches three of its borders. Objects are in
-//! two halves, for choosing a rule and for checking it.
+//! share of answers with an IoU of at least 0.5 and that of answers which take much background: of
+//! the automatic size, of the best of all sizes, and of rules that replace an implausible answer by
+//! the best plausible one. An answer is implausible if it covers a share of the image or touches
+//! three of its borders. Objects are in two halves, for choosing a rule and for checking it. The
+//! name `tiller` chooses rendered rice plants.
 //!
 //! `corrections` tracks the first mask of each clip by flow and corrects every fourth frame with
 //! four clicks into the largest error. It prints the mean gain of IoU of the clicks of each kind.
@@ -27,7 +28,8 @@ use std::sync::Arc;
 use glam::DVec2;
 use ostra_core::job::Progress;
 use ostra_eval::simulated_click::next_click;
-use ostra_frames::{Frame, FrameFolder, FrameStore, Image, OpenRequest, open};
+use ostra_eval::synthetic::{Scene, SceneOptions, SensorNoise};
+use ostra_frames::{DepthMap, Frame, FrameFolder, FrameStore, Image, OpenRequest, open};
 use ostra_masks::graph_cut::BuiltinSegmenter;
 use ostra_masks::graph_cut::ranked_click::{RankedClick, RankedFrame};
 use ostra_masks::graph_cut::ranking::{WEIGHTS, best};
@@ -75,10 +77,90 @@ struct Case {
     set: &'static str,
     /// Whether it belongs to the half for checking.
     is_check: bool,
-    image: PathBuf,
-    depth: Option<PathBuf>,
-    truth: PathBuf,
-    is_binary: bool,
+    source: CaseSource,
+}
+
+/// Where image, depth and ground truth of a case come from.
+enum CaseSource {
+    Files {
+        image: PathBuf,
+        depth: Option<PathBuf>,
+        truth: PathBuf,
+        is_binary: bool,
+    },
+    /// A view of a rendered rice tiller before posters.
+    Tiller {
+        seed: u64,
+        view: usize,
+        has_depth: bool,
+    },
+}
+
+/// Image, depth and objects of a case.
+struct CaseImages {
+    image: Arc<Image>,
+    depth: Option<Arc<DepthMap>>,
+    objects: Vec<Region>,
+}
+
+impl CaseSource {
+    fn read(&self) -> CaseImages {
+        match self {
+            Self::Files {
+                image,
+                depth,
+                truth,
+                is_binary,
+            } => {
+                let truth = image::open(truth)
+                    .expect("the ground truth can be read")
+                    .to_luma8();
+                let object = |value: u8| Region {
+                    width: truth.width(),
+                    height: truth.height(),
+                    inside: truth
+                        .pixels()
+                        .map(|pixel| match is_binary {
+                            true => pixel.0[0] > 127,
+                            false => pixel.0[0] == value,
+                        })
+                        .collect(),
+                };
+                let values = if *is_binary { 255..=255 } else { 1..=20 };
+                CaseImages {
+                    image: read_image(image),
+                    depth: depth.as_ref().map(|path| Arc::new(read_depth(path))),
+                    objects: values.map(object).collect(),
+                }
+            }
+            Self::Tiller {
+                seed,
+                view,
+                has_depth,
+            } => {
+                let options = SceneOptions {
+                    seed: *seed,
+                    noise: Some(SensorNoise::default()),
+                    ..SceneOptions::default()
+                };
+                let scene = Scene::build(&options).expect("the options are valid");
+                let rendered = scene.render(&scene.views()[*view]);
+                let mut ids = rendered.mask.ids.clone();
+                ids.sort_unstable();
+                ids.dedup();
+                let mask = &rendered.mask;
+                CaseImages {
+                    objects: ids
+                        .into_iter()
+                        .filter(|&id| id != LabelId::NONE)
+                        .map(|id| mask.region(id))
+                        .collect(),
+                    image: Arc::new(rendered.image),
+                    depth: has_depth.then(|| Arc::new(rendered.depth)),
+                }
+            }
+        }
+    }
 }
 
 /// Number of clicks per object.
@@ -91,32 +173,37 @@ fn first_clicks(data: &Path, names: &[&str]) {
     if names.is_empty() {
         cases.extend(labelled_cases(&data.join("apc_shelf_rgbd_labels")));
     }
-    let found: Vec<(usize, Vec<FirstIous>)> = (0..cases.len())
+    if names.is_empty() || names.contains(&"tiller") {
+        cases.extend(tiller_cases());
+    }
+    let found: Vec<(usize, Vec<FirstAnswers>)> = (0..cases.len())
         .into_par_iter()
-        .map(|at| (at, first_ious(&cases[at])))
+        .map(|at| (at, first_answers(&cases[at])))
         .collect();
     println!(
-        "share of first answers with an IoU of at least 0.5: automatic, best of all sizes, then of implausible from {SHARES:?} of the image on"
+        "first answers with an IoU of at least 0.5, and those that take more than a fifth of the image besides the object: \
+         automatic, best of all sizes, then of implausible from {SHARES:?} of the image on"
     );
-    let mut of_set: BTreeMap<(&str, bool), Vec<FirstIous>> = BTreeMap::new();
-    for (at, ious) in found {
+    let mut of_set: BTreeMap<(&str, bool), Vec<FirstAnswers>> = BTreeMap::new();
+    for (at, answers) in found {
         let key = (cases[at].set, cases[at].is_check);
-        of_set.entry(key).or_default().extend(ious);
+        of_set.entry(key).or_default().extend(answers);
     }
-    for ((set, is_check), ious) in of_set {
-        let share = |which: usize| {
-            let good = ious.iter().filter(|iou| iou[which] >= 0.5).count();
-            100.0 * good as f64 / ious.len().max(1) as f64
+    for ((set, is_check), answers) in of_set {
+        let percent = |test: &dyn Fn(&FirstAnswer) -> bool| {
+            let share = |which: usize| {
+                let count = answers.iter().filter(|all| test(&all[which])).count();
+                format!("{:5.1}", 100.0 * count as f64 / answers.len().max(1) as f64)
+            };
+            let shares: Vec<_> = (0..2 + SHARES.len()).map(share).collect();
+            shares.join(" ")
         };
-        let mean = ious.iter().map(|iou| iou[0]).sum::<f64>() / ious.len().max(1) as f64;
         println!(
-            "{set:12} {:6} {:4} clicks: {}; mean IoU {mean:.3}",
+            "{set:12} {:5} {:4} clicks: {} %;  {} %",
             if is_check { "check" } else { "tune" },
-            ious.len(),
-            (0..2 + SHARES.len())
-                .map(|which| format!("{:.1} %", share(which)))
-                .collect::<Vec<_>>()
-                .join(", "),
+            answers.len(),
+            percent(&|answer| answer.iou >= 0.5),
+            percent(&|answer| answer.takes_background),
         );
     }
 }
@@ -134,10 +221,12 @@ fn davis_cases(root: &Path, names: &[&str]) -> Vec<Case> {
             cases.push(Case {
                 set: "davis",
                 is_check: number % 2 == 1,
-                depth: None,
-                truth: root.join("Annotations").join(&*name).join(file),
-                image,
-                is_binary: true,
+                source: CaseSource::Files {
+                    depth: None,
+                    truth: root.join("Annotations").join(&*name).join(file),
+                    image,
+                    is_binary: true,
+                },
             });
         }
     }
@@ -156,10 +245,31 @@ fn labelled_cases(root: &Path) -> Vec<Case> {
             cases.push(Case {
                 set,
                 is_check: number % 2 == 1,
-                image: image.clone(),
-                depth,
-                truth: root.join("labels").join(&file),
-                is_binary: false,
+                source: CaseSource::Files {
+                    image: image.clone(),
+                    depth,
+                    truth: root.join("labels").join(&file),
+                    is_binary: false,
+                },
+            });
+        }
+    }
+    cases
+}
+
+/// Returns views of rendered rice tillers, without and with depth; every second is for checking.
+fn tiller_cases() -> Vec<Case> {
+    let mut cases = Vec::new();
+    for (number, seed) in (31..39).enumerate() {
+        for (set, has_depth) in [("tiller", false), ("tiller depth", true)] {
+            cases.push(Case {
+                set,
+                is_check: number % 2 == 1,
+                source: CaseSource::Tiller {
+                    seed,
+                    view: 3 * number,
+                    has_depth,
+                },
             });
         }
     }
@@ -169,56 +279,62 @@ fn labelled_cases(root: &Path) -> Vec<Case> {
 /// Shares of the image from which an answer is implausible, one per rule.
 const SHARES: [f32; 4] = [0.3, 0.4, 0.5, 0.6];
 
-/// IoU of a first click: of the automatic size, of the best of all sizes, and by each rule.
-type FirstIous = [f64; 2 + SHARES.len()];
+/// Answers to a first click: of the automatic size, the best of all sizes, and by each rule.
+type FirstAnswers = [FirstAnswer; 2 + SHARES.len()];
 
-/// Returns the IoUs of each first click on the objects of an image.
-fn first_ious(case: &Case) -> Vec<FirstIous> {
-    let image = read_image(&case.image);
-    let depth = case.depth.as_ref().map(|path| Arc::new(read_depth(path)));
+/// How good an answer to a first click is.
+#[derive(Debug, Clone, Copy, Default)]
+struct FirstAnswer {
+    iou: f64,
+    /// Whether more than a fifth of the image is in the answer and not in the object.
+    takes_background: bool,
+}
+
+impl FirstAnswer {
+    fn of(answer: &Region, object: &Region) -> Self {
+        let pairs = answer.inside.iter().zip(&object.inside);
+        let wrong = pairs
+            .filter(|(answer, object)| **answer && !**object)
+            .count();
+        Self {
+            iou: answer.iou(object),
+            takes_background: 5 * wrong > answer.inside.len(),
+        }
+    }
+}
+
+/// Returns the answers to each first click on the objects of an image.
+fn first_answers(case: &Case) -> Vec<FirstAnswers> {
+    let CaseImages {
+        image,
+        depth,
+        objects,
+    } = case.source.read();
     let frame = BuiltinSegmenter
         .prepare(&image, depth.as_ref(), &Progress::default())
         .expect("the image can be prepared");
     let ranked = RankedFrame::new(&image, depth.as_deref(), &Progress::default())
         .expect("the image can be prepared");
-    let truth = image::open(&case.truth)
-        .expect("the ground truth can be read")
-        .to_luma8();
-    let mut ious = Vec::new();
-    let values: Vec<u8> = if case.is_binary {
-        vec![255]
-    } else {
-        (1..=20).collect()
-    };
-    for value in values {
-        let is_inside = |pixel: &image::Luma<u8>| {
-            if case.is_binary {
-                pixel.0[0] > 127
-            } else {
-                pixel.0[0] == value
-            }
-        };
-        let object = Region {
-            width: truth.width(),
-            height: truth.height(),
-            inside: truth.pixels().map(is_inside).collect(),
-        };
+    let mut answers = Vec::new();
+    for object in objects {
         if object.area() < LEAST_PX {
             continue;
         }
         for at_px in landmarks(&object, CLICKS) {
-            let iou = |size: AnswerSize| first_answer(&*frame, at_px, size).iou(&object);
-            let of_sizes = AnswerSize::ALL.map(iou);
-            let best = of_sizes.into_iter().fold(0.0, f64::max);
-            let mut all = [0.0; 2 + SHARES.len()];
-            all[..2].copy_from_slice(&[of_sizes[2], best]);
-            for (iou, share) in all[2..].iter_mut().zip(SHARES) {
-                *iou = plausible_answer(&ranked, at_px, share, &object).iou(&object);
+            let of_size =
+                |size: AnswerSize| FirstAnswer::of(&first_answer(&*frame, at_px, size), &object);
+            let of_sizes = AnswerSize::ALL.map(of_size);
+            let best = of_sizes.into_iter().max_by(|a, b| a.iou.total_cmp(&b.iou));
+            let mut all = FirstAnswers::default();
+            all[..2].copy_from_slice(&[of_sizes[2], best.unwrap_or_default()]);
+            for (answer, share) in all[2..].iter_mut().zip(SHARES) {
+                let region = plausible_answer(&ranked, at_px, share, &object);
+                *answer = FirstAnswer::of(&region, &object);
             }
-            ious.push(all);
+            answers.push(all);
         }
     }
-    ious
+    answers
 }
 
 fn first_answer(frame: &dyn PreparedFrame, at_px: DVec2, size: AnswerSize) -> Region {

@@ -130,6 +130,11 @@ impl Desk {
 
     pub fn ui(&mut self, ui: &mut Ui) {
         self.note_changes();
+        self.draw(ui);
+    }
+
+    /// Draws the window; a change since it was last drawn must have changed `revision`.
+    pub fn draw(&mut self, ui: &mut Ui) {
         let session = SessionView {
             preview_cloud: self.preview_cloud.as_ref(),
             depth_points: self.depth_points.as_ref(),

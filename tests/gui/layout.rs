@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use egui::{Key, Modifiers, Rect, Vec2};
+use egui::{Key, Modifiers, Rect, Role, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use ostra_app::Panes;
@@ -14,7 +14,7 @@ use ostra_project::workflow::WorkflowStep;
 use ostra_session::Command;
 use ostra_view::Coloring;
 
-use crate::desk::{Desk, drag, labels, open_advanced, open_step, press};
+use crate::desk::{Desk, drag, labels, on_screen, open_advanced, open_step, press};
 use crate::running::reconstruction;
 
 const STEPS: [WorkflowStep; 5] = [
@@ -372,4 +372,37 @@ fn advanced_settings_are_closed_in_the_next_project() {
     open_step(&mut harness, WorkflowStep::Track);
     harness.run_steps(20);
     assert!(!is_open(&harness));
+}
+
+#[test]
+fn texts_of_the_status_line_do_not_overlap() {
+    for size in [Vec2::new(800.0, 600.0), Vec2::new(1280.0, 800.0)] {
+        let mut desk = Desk::sample();
+        desk.size = size;
+        desk.shell.view.note = "Exported to /projects/a folder with a long name/tiller".into();
+        let mut harness = desk.shown();
+        let at = on_screen(&harness, 30.0, 20.0);
+        harness.hover_at(at);
+        harness.run_steps(3);
+        let number = harness.get_by_label_contains("(1 of 12)");
+        let line = number.rect().y_range();
+        let mut texts: Vec<Rect> = harness
+            .root()
+            .children_recursive()
+            .into_iter()
+            .filter(|node| {
+                let node = node.accesskit_node();
+                let is_text = matches!(node.role(), Role::Label | Role::Button);
+                is_text && node.raw_bounds().is_some()
+            })
+            .map(|node| node.rect())
+            .filter(|rect| line.contains(rect.center().y))
+            .collect();
+        texts.sort_by(|a, b| a.left().total_cmp(&b.left()));
+        assert!(texts.len() > 5, "{texts:?}");
+        for pair in texts.windows(2) {
+            assert!(pair[0].right() <= pair[1].left() + 0.5, "{size}: {pair:?}");
+        }
+        assert!(texts.iter().all(|text| text.right() <= size.x));
+    }
 }

@@ -190,7 +190,7 @@ fn button_brings_cameras_back_if_they_are_all_that_is_shown() {
 
 #[test]
 fn button_shows_cameras_that_are_outside_the_view_of_a_cloud() {
-    const CAMERAS: &str = "Show cameras (Shift+L)";
+    const CAMERAS: &str = "Show cameras";
     let mut desk = desk();
     desk.cloud = Some(square(Vec3::new(60.0, 0.0, 0.0), 1.0));
     desk.shell.view.prefs.frusta = true;

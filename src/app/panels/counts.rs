@@ -5,8 +5,8 @@ use ostra_project::review::CheckReason;
 
 use crate::{Action, SessionView, ViewState};
 
-/// Width below which only the frames to check are counted.
-const NARROW: f32 = 420.0;
+/// Width of the status line below which only the frames to check are counted.
+const NARROW: f32 = 1000.0;
 
 /// Draws "2 of 16 frames confirmed · 7 to check" from right to left; a click goes to the next one.
 pub(super) fn counts_ui(

@@ -1,4 +1,4 @@
-use egui::{Button, ProgressBar, RichText, Ui};
+use egui::{Align, Button, Layout, ProgressBar, RichText, Ui, Vec2};
 use ostra_core::job::{StepState, time_left_text};
 use ostra_session::{Command, JobTask};
 
@@ -11,58 +11,89 @@ use ostra_masks::LabelId;
 use ostra_session::JobView;
 
 /// Draws the status line: shown frame, pixel under the pointer and running jobs.
+///
+/// What is at the right has its space first; the help for the pointer gets what is left.
 pub(crate) fn status_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &ViewState,
     actions: &mut Vec<Action>,
 ) {
-    ui.horizontal(|ui| {
-        if let Some(frame) = session.project.frames.get(view.frame) {
-            let count = session.project.frames.len();
-            let text = format!("Frame {} ({} of {count})", view.frame, view.frame + 1);
-            let number = ui.add(Button::new(text).frame_when_inactive(false).small());
-            let keys = view.prefs.shortcuts.tip(ui.ctx(), Action::GoToFrame);
-            let number = number.on_hover_text(format!(
-                "Frames are numbered from 0, as in files and on the command line.\n{keys}"
-            ));
-            if number.clicked() {
-                actions.push(Action::GoToFrame);
-            }
-            ui.weak(&frame.name);
-            ui.separator();
-            if view.range.is_some() {
-                range_bar_ui(ui, session, view, actions);
-            } else {
-                pointer_ui(ui, session, view);
-            }
+    let from_right = Layout::right_to_left(Align::Center);
+    let size = Vec2::new(ui.available_width(), ui.spacing().interact_size.y);
+    ui.allocate_ui_with_layout(size, from_right, |ui| {
+        counts_ui(ui, session, view, actions);
+        if let Some(cloud) = session.cloud {
+            ui.weak(format!("{} points", grouped(cloud.len())));
         }
-        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            counts_ui(ui, session, view, actions);
-            if let Some(cloud) = session.cloud {
-                ui.weak(format!("{} points", grouped(cloud.len())));
+        let job = session.slow_jobs().last();
+        if let Some(job) = job {
+            let button = action_button(ui, &view.prefs.shortcuts, Action::Stop, "Stop", None);
+            if button.accessible_name("Stop running job").clicked() {
+                actions.push(Action::Stop);
             }
-            if let Some(job) = session.slow_jobs().last() {
-                let button = action_button(ui, &view.prefs.shortcuts, Action::Stop, "Stop", None);
-                if button.accessible_name("Stop running job").clicked() {
-                    actions.push(Action::Stop);
+            ui.weak(format!("{}: {}", job.title, progress_text(job)));
+            ui.spinner();
+        }
+        ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+            if let Some(frame) = session.project.frames.get(view.frame) {
+                frame_ui(ui, session, view, &frame.name, actions);
+            }
+            ui.with_layout(from_right, |ui| {
+                if job.is_none() && !view.note.is_empty() {
+                    note_ui(ui, &view.note);
                 }
-                ui.weak(format!("{}: {}", job.title, progress_text(job)));
-                ui.spinner();
-            } else if !view.note.is_empty() {
-                ui.add(egui::Label::new(RichText::new(&view.note)).truncate());
-            }
+                if view.range.is_none() && session.has_frames() {
+                    ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+                        let help = match view.key_pointer.at_px() {
+                            Some(_) => KeyPointer::HELP,
+                            None => view.tool.help(),
+                        };
+                        ui.add(egui::Label::new(RichText::new(help).weak()).truncate());
+                    });
+                }
+            });
         });
     });
 }
 
+/// Draws the last event in at most half of the space, so that the help for the pointer stays.
+fn note_ui(ui: &mut Ui, note: &str) {
+    let size = Vec2::new(ui.available_width() / 2.0, ui.available_height());
+    ui.allocate_ui_with_layout(size, Layout::right_to_left(Align::Center), |ui| {
+        ui.add(egui::Label::new(note).truncate());
+    });
+}
+
+/// Draws the shown frame, and the pixel under the pointer or the selected range.
+fn frame_ui(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    view: &ViewState,
+    name: &str,
+    actions: &mut Vec<Action>,
+) {
+    let count = session.project.frames.len();
+    let text = format!("Frame {} ({} of {count})", view.frame, view.frame + 1);
+    let number = ui.add(Button::new(text).frame_when_inactive(false).small());
+    let keys = view.prefs.shortcuts.tip(ui.ctx(), Action::GoToFrame);
+    let number = number.on_hover_text(format!(
+        "Frames are numbered from 0, as in files and on the command line.\n{keys}"
+    ));
+    if number.clicked() {
+        actions.push(Action::GoToFrame);
+    }
+    ui.weak(name);
+    ui.separator();
+    if view.range.is_some() {
+        range_bar_ui(ui, session, view, actions);
+    } else {
+        pointer_ui(ui, session, view);
+    }
+}
+
 fn pointer_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState) {
-    let help = match view.key_pointer.at_px() {
-        Some(_) => KeyPointer::HELP,
-        None => view.tool.help(),
-    };
     let Some(at) = view.pointer_px else {
-        ui.weak(help);
         return;
     };
     ui.label(
@@ -94,7 +125,6 @@ fn pointer_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState) {
     } else {
         ui.weak("no label");
     }
-    ui.add(egui::Label::new(RichText::new(help).weak()).truncate());
 }
 
 /// Draws the running jobs with their progress and stop button.

@@ -361,25 +361,34 @@ impl InView {
         let missed = self.missed(ui, session, viewport.camera);
         // Clicks of the ruler and drags that select points are not to end on the button.
         let is_free = !view.ruler.in_hand && !view.scene_select.in_hand;
-        let middle = viewport.rect.center();
-        let (action, what, centre) = if missed.points {
-            (Action::FrameCloud, "Show whole cloud", middle)
+        let (action, what) = if missed.points {
+            (Action::FrameCloud, "Show whole cloud")
         } else if !has_points && missed.cameras {
-            (Action::FrameCloud, "Show everything", middle)
+            (Action::FrameCloud, "Show everything")
         } else if has_frusta && is_free && missed.cameras {
-            let above_axes = viewport.rect.right_bottom() + Vec2::new(-108.0, -110.0);
-            (Action::FrameCameras, "Show cameras", above_axes)
+            (Action::FrameCameras, "Show cameras")
         } else {
             return;
         };
         let keys = view.prefs.shortcuts.text(ui.ctx(), action);
-        let text = if keys.is_empty() {
-            what.to_owned()
+        let (text, place) = if action == Action::FrameCameras {
+            // Above the axes, where it hardly covers the cloud.
+            let centre = viewport.rect.right_bottom() + Vec2::new(-62.0, -102.0);
+            let place = Rect::from_center_size(centre, Vec2::new(108.0, 20.0));
+            (what.to_owned(), place)
         } else {
-            format!("{what} ({keys})")
+            let text = if keys.is_empty() {
+                what.to_owned()
+            } else {
+                format!("{what} ({keys})")
+            };
+            (
+                text,
+                Rect::from_center_size(viewport.rect.center(), Vec2::new(200.0, 32.0)),
+            )
         };
-        let place = Rect::from_center_size(centre, Vec2::new(200.0, 32.0));
-        let button = ui.put(place, Button::new(text));
+        let outline = ui.visuals().widgets.noninteractive.fg_stroke;
+        let button = ui.put(place, Button::new(text).stroke(outline));
         let tip = view.prefs.shortcuts.tip(ui.ctx(), action);
         if button.on_hover_text(tip).clicked() {
             actions.push(action);
