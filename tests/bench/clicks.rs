@@ -89,11 +89,7 @@ enum CaseSource {
         is_binary: bool,
     },
     /// A view of a rendered rice tiller before posters.
-    Tiller {
-        seed: u64,
-        view: usize,
-        has_depth: bool,
-    },
+    Tiller { seed: u64, view: usize },
 }
 
 /// Image, depth and objects of a case.
@@ -133,11 +129,7 @@ impl CaseSource {
                     objects: values.map(object).collect(),
                 }
             }
-            Self::Tiller {
-                seed,
-                view,
-                has_depth,
-            } => {
+            Self::Tiller { seed, view } => {
                 let options = SceneOptions {
                     seed: *seed,
                     noise: Some(SensorNoise::default()),
@@ -156,7 +148,7 @@ impl CaseSource {
                         .map(|id| mask.region(id))
                         .collect(),
                     image: Arc::new(rendered.image),
-                    depth: has_depth.then(|| Arc::new(rendered.depth)),
+                    depth: None,
                 }
             }
         }
@@ -257,21 +249,18 @@ fn labelled_cases(root: &Path) -> Vec<Case> {
     cases
 }
 
-/// Returns views of rendered rice tillers, without and with depth; every second is for checking.
+/// Returns views of rendered rice tillers without depth; every second is for checking.
 fn tiller_cases() -> Vec<Case> {
     let mut cases = Vec::new();
-    for (number, seed) in (31..39).enumerate() {
-        for (set, has_depth) in [("tiller", false), ("tiller depth", true)] {
-            cases.push(Case {
-                set,
-                is_check: number % 2 == 1,
-                source: CaseSource::Tiller {
-                    seed,
-                    view: 3 * number,
-                    has_depth,
-                },
-            });
-        }
+    for (number, seed) in (31..35).enumerate() {
+        cases.push(Case {
+            set: "tiller",
+            is_check: number % 2 == 1,
+            source: CaseSource::Tiller {
+                seed,
+                view: 6 * number,
+            },
+        });
     }
     cases
 }

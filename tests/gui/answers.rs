@@ -5,6 +5,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec2;
 use ostra_app::Tool;
+use ostra_frames::{DepthSource, Orientation};
 use ostra_masks::{AnswerSize, Click, LabelId, LabelMask, LabelTree, Prompt, RunMask};
 use ostra_session::{Command, PromptRequest};
 
@@ -80,6 +81,30 @@ fn bar_below_an_answer_that_covers_much_offers_other_sizes_and_does_not_move_the
     harness.get_by_label("Close hint").click();
     harness.run_steps(3);
     assert!(harness.query_by_label(HINT).is_none());
+}
+
+#[test]
+fn bar_offers_sizes_after_one_click_without_depth() {
+    const SIZES: &str = "Right size?";
+    let is_offered = |desk: Desk| {
+        let harness = desk.shown();
+        harness.query_by_label_contains(SIZES).is_some()
+    };
+    assert!(is_offered(answered(8)));
+    let mut twice = answered(8);
+    let prompt = twice.project.prompts.get_mut(&(0, LABEL)).unwrap();
+    prompt.clicks.push(prompt.clicks[0]);
+    assert!(!is_offered(twice));
+    let mut deep = answered(8);
+    let mut frames = deep.project.frames.to_vec();
+    frames[0].depth = Some(DepthSource::Sensor {
+        path: "/000-depth.png".into(),
+        unit: 0.001,
+        orientation: Orientation(1),
+        camera: None,
+    });
+    deep.project.frames = frames.into();
+    assert!(!is_offered(deep), "depth shows where an object ends");
 }
 
 #[test]

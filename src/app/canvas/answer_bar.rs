@@ -13,6 +13,10 @@ const MUCH: f64 = 0.25;
 /// Number of image borders that a probably too large answer touches.
 const MANY_BORDERS: usize = 3;
 
+/// Hint at the answer to one click on a frame without depth, where it is often wrong.
+const WITHOUT_DEPTH: &str =
+    "Right size? Alt+wheel makes the answer smaller or larger. For a stem, use Stem & wire.";
+
 /// How far a label extends on a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct LabelSpread {
@@ -79,7 +83,12 @@ fn message(session: &SessionView<'_>, view: &ViewState) -> Option<String> {
             "Labelled as '{name}'. Ctrl+click labels another object."
         ));
     }
-    (size != AnswerSize::Automatic).then(|| format!("Answer to the last click: {}", size.name()))
+    if size != AnswerSize::Automatic {
+        return Some(format!("Answer to the last click: {}", size.name()));
+    }
+    let has_depth = session.project.frames.get(frame)?.depth.is_some();
+    let is_one_click = prompt.clicks.len() == 1 && prompt.boxes.is_empty();
+    (is_include && is_one_click && !has_depth).then(|| WITHOUT_DEPTH.into())
 }
 
 /// Draws a bar over the lower edge of the image if the last answer is probably not what was meant,

@@ -17,6 +17,7 @@ use super::appearance::PaletteHistogram;
 use super::candidate_features::{Candidate, agreement, features_of};
 use super::click_context::ClickContext;
 use super::graph::{Role, cheapest_change};
+use super::ranking::ChangeExtent;
 use super::region_stats::RegionStats;
 
 /// Options of the candidates.
@@ -60,17 +61,23 @@ pub(super) struct Candidates {
 }
 
 impl Candidates {
-    /// Returns the area of each candidate, pixels of the reduced image.
-    pub fn areas(&self, context: &ClickContext<'_>) -> Vec<f32> {
-        let regions = &context.graph.regions;
-        let area = |candidate: &Candidate| {
-            let changed = regions.iter().zip(&candidate.change);
-            changed
-                .filter(|(_, change)| **change)
-                .map(|(region, _)| region.area)
-                .sum()
+    /// Returns the extent of each candidate.
+    pub fn extents(&self, context: &ClickContext<'_>) -> Vec<ChangeExtent> {
+        let graph = context.graph;
+        let pixels = (graph.width * graph.height) as f32;
+        let outline = 2.0 * (graph.width + graph.height) as f32;
+        let extent = |candidate: &Candidate| {
+            let regions = graph.regions.iter().zip(&candidate.change);
+            let changed = || regions.clone().filter(|(_, change)| **change);
+            let area: f32 = changed().map(|(region, _)| region.area).sum();
+            let rim: f32 = changed().map(|(region, _)| region.rim).sum();
+            ChangeExtent {
+                area,
+                share: area / pixels,
+                rim: rim / outline,
+            }
         };
-        self.all.iter().map(area).collect()
+        self.all.iter().map(extent).collect()
     }
 }
 

@@ -391,6 +391,6 @@ fn chosen(context: &ClickContext<'_>, size: AnswerSize) -> Option<Vec<bool>> {
         terms: &terms,
         shared: &found.shared,
     };
-    let best = ranked.best_of_size(&WEIGHTS, &found.areas(context), size)?;
+    let best = ranked.best_of_size(&WEIGHTS, &found.extents(context), size)?;
     Some(found.all.swap_remove(best).change)
 }
