@@ -10,6 +10,7 @@ use std::sync::Arc;
 use glam::DVec2;
 
 use crate::synthetic_images::{Grey, clock_image, disc_image, noise};
+use crate::tracker_test::tracked_disc_iou;
 use ostra_compute::nn::{NnError, TestResult};
 use ostra_core::job::Progress;
 use ostra_masks::onnx::Yolox;
@@ -17,7 +18,7 @@ use ostra_masks::onnx::grounding::GroundingDino;
 use ostra_masks::onnx::sam::Sam;
 use ostra_masks::{
     Click, GroundRequest, MaskError, PreparedFrame, Prompt, PxBox, SegmentRequest, Segmenter,
-    TextGrounder,
+    TextGrounder, Tracker,
 };
 use ostra_reconstruct::sfm::matching::NearestMatcher;
 use ostra_reconstruct::sfm::onnx::{
@@ -25,11 +26,15 @@ use ostra_reconstruct::sfm::onnx::{
     XFeat, XFeatOptions,
 };
 use ostra_reconstruct::sfm::{FeatureError, FeatureExtractor, FeatureMatcher};
+use ostra_tracking::deaot::Deaot;
+use ostra_tracking::xmem::XMem;
 
 /// Minimum IoU of a mask with the object that was clicked.
 const LEAST_MASK_IOU: f64 = 0.9;
 /// Minimum IoU of a box with the object that was searched for.
 const LEAST_BOX_IOU: f64 = 0.8;
+/// Minimum mean IoU of the masks of a tracked disc, which moves by a quarter of its size per frame.
+const LEAST_TRACKED_IOU: f64 = 0.7;
 /// Minimum number of matches of an image with its shifted copy.
 const LEAST_MATCHES: usize = 100;
 /// Minimum share of correct matches of a matching network.
@@ -51,20 +56,22 @@ const SHIFT_PX: [usize; 2] = [27, 13];
 pub enum NetworkTest {
     /// The answers are right; the text has figures.
     Passed(String),
-    /// The network does not run, or its answers are wrong.
+    /// Its answers are wrong.
     Failed(String),
+    /// It did not run, for this reason: memory or the graphics card may be lacking at the moment.
+    NotRun(String),
     /// No test was made, for this reason.
     Untested(String),
 }
 
 impl NetworkTest {
-    /// Returns the result to be remembered; `None` if no test was made.
+    /// Returns the result to be remembered; `None` if the network gave no answers.
     #[must_use]
     pub(crate) fn result(&self) -> Option<TestResult> {
         match self {
             Self::Passed(_) => Some(TestResult::Passed),
             Self::Failed(what) => Some(TestResult::Failed(what.clone())),
-            Self::Untested(_) => None,
+            Self::NotRun(_) | Self::Untested(_) => None,
         }
     }
 }
@@ -107,7 +114,7 @@ impl From<NnError> for Interrupted {
 ///
 /// # Errors
 ///
-/// Returns an error if the user stops it. A network that does not load or run has failed.
+/// Returns an error if the user stops it. A network that does not load or run is no error.
 pub(crate) fn test_network(
     folder: &Path,
     name: &str,
@@ -136,6 +143,12 @@ pub(crate) fn test_network(
             None => ask_lighterglue(folder),
         },
         "superpoint" => ask_superpoint(folder),
+        "xmem" => XMem::load(folder)
+            .map_err(Interrupted::from)
+            .and_then(|xmem| ask_tracker(&xmem, progress)),
+        "deaot" => Deaot::load(folder)
+            .map_err(Interrupted::from)
+            .and_then(|deaot| ask_tracker(&deaot, progress)),
         "superglue-indoor" | "superglue-outdoor" => match needs("superpoint") {
             Some(untested) => return Ok(untested),
             None => ask_superglue(folder, name),
@@ -148,7 +161,8 @@ pub(crate) fn test_network(
     };
     match verdict {
         Ok(Ok(figures)) => Ok(NetworkTest::Passed(figures)),
-        Ok(Err(wrong)) | Err(Interrupted::Broken(wrong)) => Ok(NetworkTest::Failed(wrong)),
+        Ok(Err(wrong)) => Ok(NetworkTest::Failed(wrong)),
+        Err(Interrupted::Broken(why)) => Ok(NetworkTest::NotRun(why)),
         Err(Interrupted::Stopped) => Err(ostra_core::job::Stopped),
     }
 }
@@ -228,6 +242,18 @@ fn box_iou(a: &PxBox, b: &PxBox) -> f64 {
     let area = |extent: DVec2| extent.max(DVec2::ZERO).element_product();
     let common = area(a.max_px.min(b.max_px) - a.min_px.max(b.min_px));
     common / (area(a.max_px - a.min_px) + area(b.max_px - b.min_px) - common)
+}
+
+/// Tracks a moving disc.
+fn ask_tracker(tracker: &dyn Tracker, progress: &Progress) -> Result<Verdict, Interrupted> {
+    let iou = tracked_disc_iou(tracker, progress)?;
+    Ok(if iou >= LEAST_TRACKED_IOU {
+        Ok(format!("mean IoU of a moving disc {iou:.2}"))
+    } else {
+        Err(format!(
+            "a moving disc is tracked with mean IoU {iou:.2} instead of at least {LEAST_TRACKED_IOU}"
+        ))
+    })
 }
 
 fn ask_xfeat(folder: &Path) -> Result<Verdict, Interrupted> {

@@ -116,6 +116,22 @@ fn addresses_have_https_and_complete_digests() {
 }
 
 #[test]
+fn every_download_has_a_size() {
+    let catalogue = Catalogue::bundled().unwrap();
+    let entries = catalogue.entries().iter();
+    let variants = entries.flat_map(|entry| entry.variants().iter().map(move |one| (entry, one)));
+    for (entry, variant) in variants.filter(|(_, variant)| variant.has_address()) {
+        let sizes = [variant.download_bytes(), variant.about_bytes()];
+        assert_eq!(
+            sizes.iter().flatten().count(),
+            1,
+            "{}: {sizes:?}",
+            entry.name
+        );
+    }
+}
+
+#[test]
 fn variants_of_a_network_have_the_same_files() {
     let catalogue = Catalogue::bundled().unwrap();
     for entry in catalogue.entries() {
