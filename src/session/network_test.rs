@@ -22,10 +22,11 @@ use ostra_masks::{
 };
 use ostra_reconstruct::sfm::matching::NearestMatcher;
 use ostra_reconstruct::sfm::onnx::{
-    LighterGlue, LighterGlueOptions, SuperGlue, SuperGlueOptions, SuperPoint, SuperPointOptions,
-    XFeat, XFeatOptions,
+    Aliked, AlikedOptions, LightGlue, LightGlueFeatures, LightGlueOptions, LighterGlue,
+    LighterGlueOptions, SuperGlue, SuperGlueOptions, SuperPoint, SuperPointOptions, XFeat,
+    XFeatOptions,
 };
-use ostra_reconstruct::sfm::{FeatureError, FeatureExtractor, FeatureMatcher};
+use ostra_reconstruct::sfm::{FeatureError, FeatureExtractor, FeatureMatcher, Sift};
 use ostra_tracking::deaot::Deaot;
 use ostra_tracking::xmem::XMem;
 
@@ -46,6 +47,11 @@ const LEAST_CORRECT: f64 = 0.7;
 ///
 /// With the weights of XFeat it is 0.76; descriptors without meaning give almost none.
 const LEAST_CORRECT_NEAREST: f64 = 0.5;
+/// Minimum share of correct matches of networks that were not measured with their weights.
+///
+/// It is lower than for the measured ones, so that a good network never fails. Weights without
+/// meaning give almost no correct match.
+const LEAST_CORRECT_UNMEASURED: f64 = 0.4;
 /// Maximum distance of a correct match from the true position, pixels.
 const MATCH_TOLERANCE_PX: f64 = 2.0;
 /// Shift between both images, pixels. It is not a multiple of a network's cells.
@@ -142,6 +148,12 @@ pub(crate) fn test_network(
             Some(untested) => return Ok(untested),
             None => ask_lighterglue(folder),
         },
+        "aliked" => ask_aliked(folder),
+        "aliked-lightglue" => match needs("aliked") {
+            Some(untested) => return Ok(untested),
+            None => ask_aliked_lightglue(folder),
+        },
+        "sift-lightglue" => ask_sift_lightglue(folder),
         "superpoint" => ask_superpoint(folder),
         "xmem" => XMem::load(folder)
             .map_err(Interrupted::from)
@@ -265,6 +277,39 @@ fn ask_lighterglue(folder: &Path) -> Result<Verdict, Interrupted> {
     let xfeat = XFeat::load(folder, XFeatOptions::default())?;
     let lighterglue = LighterGlue::load(folder, LighterGlueOptions::default())?;
     ask_about_shift(&xfeat, &lighterglue, LEAST_CORRECT)
+}
+
+fn ask_aliked(folder: &Path) -> Result<Verdict, Interrupted> {
+    // Noise has few of the corners of photos.
+    let options = AlikedOptions {
+        least_score: 0.0,
+        ..AlikedOptions::default()
+    };
+    let aliked = Aliked::load(folder, options)?;
+    ask_about_shift(
+        &aliked,
+        &NearestMatcher::for_floats(),
+        LEAST_CORRECT_UNMEASURED,
+    )
+}
+
+fn ask_aliked_lightglue(folder: &Path) -> Result<Verdict, Interrupted> {
+    let options = AlikedOptions {
+        least_score: 0.0,
+        ..AlikedOptions::default()
+    };
+    let aliked = Aliked::load(folder, options)?;
+    let lightglue = LightGlue::load(
+        folder,
+        LightGlueFeatures::Aliked,
+        LightGlueOptions::default(),
+    )?;
+    ask_about_shift(&aliked, &lightglue, LEAST_CORRECT_UNMEASURED)
+}
+
+fn ask_sift_lightglue(folder: &Path) -> Result<Verdict, Interrupted> {
+    let lightglue = LightGlue::load(folder, LightGlueFeatures::Sift, LightGlueOptions::default())?;
+    ask_about_shift(&Sift::default(), &lightglue, LEAST_CORRECT_UNMEASURED)
 }
 
 fn ask_superpoint(folder: &Path) -> Result<Verdict, Interrupted> {

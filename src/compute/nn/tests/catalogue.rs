@@ -17,7 +17,7 @@ fn every_network_has_files_and_known_elements() {
         .collect();
     let expected = "onnxruntime sam-vit-b mobile-sam sam2.1-tiny sam2.1-small sam2.1-base-plus sam2.1-large \
                     efficient-sam grounding-dino xmem deaot superpoint superglue-indoor superglue-outdoor xfeat \
-                    lighterglue yolox";
+                    lighterglue aliked aliked-lightglue sift-lightglue yolox";
     assert_eq!(names.join(" "), expected);
     for entry in catalogue.entries() {
         assert_eq!(
@@ -129,6 +129,10 @@ fn every_download_has_a_size() {
             entry.name
         );
     }
+    let aliked = catalogue.entry("aliked").unwrap();
+    let [n16rot, n32] = [0, 1].map(|at| &aliked.variants()[at]);
+    assert_eq!(n16rot.download_bytes(), Some(2_997_054));
+    assert_eq!(n32.about_bytes(), Some(4_000_000));
 }
 
 #[test]
