@@ -7,7 +7,7 @@ use anyhow::{Result, bail, ensure};
 use crate::TrackSettings;
 use crate::engine_table::EngineId;
 use crate::networks::{
-    KeptSam, KeptTracker, KeptXFeat, TrackNetwork, grounding_dino, is_usable,
+    KeptSam, KeptTracker, KeptXFeat, TrackNetwork, failed_networks, grounding_dino, is_usable,
     sam_network, superglue_network, yolox,
 };
 use ostra_compute::nn::{Catalogue, Provider, models_folder};
@@ -240,7 +240,7 @@ pub(crate) fn extractor(
 /// Creates a matcher for the features of an extractor.
 ///
 /// `Auto` is the network trained for these features, if it is installed. SIFT is matched by nearest
-/// neighbours, which are faster and enough for most images.
+/// neighbours, which are faster and enough for most images; [`second_matcher`] is for the others.
 pub(crate) fn matcher(matcher: MatcherId, features: FeatureId) -> Result<Box<dyn FeatureMatcher>> {
     let requested = matcher.installed()?;
     let features = features.installed()?;
@@ -270,6 +270,34 @@ pub(crate) fn matcher(matcher: MatcherId, features: FeatureId) -> Result<Box<dyn
         }));
     }
     matching_network(wanted)
+}
+
+/// A matcher that may find more than nearest neighbours.
+pub(crate) enum SecondMatcher {
+    /// Another matcher was requested, or the network failed its test.
+    None,
+    /// Its network, of this name, is not installed.
+    Missing(&'static str),
+    /// It can be used.
+    Ready(Box<dyn FeatureMatcher>),
+}
+
+/// Creates the matcher that `auto` tries where nearest neighbours find too little.
+pub(crate) fn second_matcher(matcher: MatcherId, features: FeatureId) -> Result<SecondMatcher> {
+    let is_sift = matches!(features, FeatureId::Auto | FeatureId::Sift);
+    if matcher != MatcherId::Auto || !is_sift {
+        return Ok(SecondMatcher::None);
+    }
+    let network = network_for(features);
+    if network.is_installed() {
+        return Ok(SecondMatcher::Ready(matching_network(network)?));
+    }
+    let name = network.name();
+    Ok(if failed_networks(&[name]).is_empty() {
+        SecondMatcher::Missing(name)
+    } else {
+        SecondMatcher::None
+    })
 }
 
 /// Returns the matcher that was trained for some features.
