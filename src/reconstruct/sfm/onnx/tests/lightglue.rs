@@ -225,7 +225,7 @@ fn shrunk_images_have_keypoints_in_original_pixels() {
     let centre = DVec2::new(201.0, 99.0);
     let value = |at: usize| {
         let px = DVec2::new((at % width) as f64, (at / width) as f64) + 0.5;
-        (0.2 + 0.7 * (-0.5 * px.distance_squared(centre) / 9.0).exp()) as f32
+        (0.2 + 0.1 * (-0.5 * px.distance_squared(centre) / 9.0).exp()) as f32
     };
     let grey: Vec<f32> = (0..width * height).map(value).collect();
     let found = aliked(AlikedOptions {
