@@ -125,7 +125,8 @@ fn available<'a>(session: &SessionView<'a>, network: &OfferedNetwork) -> Option<
 
 /// Returns the size of a download and the licence of a network.
 fn facts(row: &ModelStatus) -> String {
-    let size = row.download_bytes.map_or(String::new(), |bytes| {
+    let bytes = row.download_bytes.or(row.about_bytes);
+    let size = bytes.map_or(String::new(), |bytes| {
         format!("{} MB, ", bytes.div_ceil(1_000_000))
     });
     format!("{size}{}", row.licence)

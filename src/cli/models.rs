@@ -11,7 +11,7 @@ use ostra_compute::nn::{
 use ostra_core::job::Progress;
 use ostra_session::{
     NetworkTest, add_model, check_model, failed_test_text, install_model, list_addresses,
-    list_models, remove_model, test_model,
+    list_models, not_run_text, remove_model, test_model,
 };
 
 #[derive(Debug, clap::Subcommand)]
@@ -127,6 +127,7 @@ fn test(name: &str) -> Result<()> {
     match test_model(name, &Progress::default())? {
         NetworkTest::Passed(figures) => print_text(&format!("{name}: test passed: {figures}\n")),
         NetworkTest::Failed(what) => bail!(failed_test_text(name, &what)),
+        NetworkTest::NotRun(why) => bail!(not_run_text(name, &why)),
         NetworkTest::Untested(why) => print_text(&format!("{name}: not tested: {why}\n")),
     }
     Ok(())
@@ -194,9 +195,8 @@ fn lines(row: &ModelStatus) -> String {
             format!("{}{variant} in {place}{test}", megabytes(installed.bytes))
         }
         None if row.has_address => {
-            let size = row.download_bytes.map_or(String::new(), |bytes| {
-                format!(", download {}", megabytes(bytes))
-            });
+            let size = row.download_text();
+            let size = size.map_or(String::new(), |size| format!(", download {size}"));
             format!("not installed{size}")
         }
         None => format!("not installed, from files only: {}", row.source),
@@ -206,7 +206,7 @@ fn lines(row: &ModelStatus) -> String {
         .iter()
         .filter(|_| row.variants.len() > 1)
         .map(|variant| {
-            let size = variant.download_bytes.map(megabytes);
+            let size = variant.download_text();
             let memory = variant
                 .memory_mb
                 .map(|mb| format!("about {mb} MB of memory"));

@@ -151,6 +151,8 @@ engine_ids! {
         XFeat = "xfeat",
         /// SuperPoint.
         SuperPoint = "superpoint",
+        /// ALIKED.
+        Aliked = "aliked",
     }
 }
 
@@ -163,6 +165,10 @@ engine_ids! {
         LighterGlue = "lighterglue",
         /// SuperGlue, for SuperPoint.
         SuperGlue = "superglue",
+        /// LightGlue, for SIFT.
+        SiftLightGlue = "sift-lightglue",
+        /// LightGlue, for ALIKED.
+        AlikedLightGlue = "aliked-lightglue",
     }
 }
 
@@ -236,8 +242,15 @@ mod tests {
         check::<SegmenterId>(&["auto", "sam", "sam-close", "geometry", "builtin"]);
         check::<GrounderId>(&["auto", "grounding-dino", "yolox"]);
         check::<TrackerId>(&["auto", "xmem", "deaot", "geometry", "flow"]);
-        check::<FeatureId>(&["auto", "sift", "xfeat", "superpoint"]);
-        check::<MatcherId>(&["auto", "nearest", "lighterglue", "superglue"]);
+        check::<FeatureId>(&["auto", "sift", "xfeat", "superpoint", "aliked"]);
+        check::<MatcherId>(&[
+            "auto",
+            "nearest",
+            "lighterglue",
+            "superglue",
+            "sift-lightglue",
+            "aliked-lightglue",
+        ]);
         check::<RegistrationId>(&["auto", "fgr", "ransac"]);
         check::<DeviceId>(&["auto", "cpu", "gpu"]);
     }

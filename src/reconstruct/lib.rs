@@ -37,6 +37,7 @@
 //!     height: 48,
 //!     keypoints: vec![DVec2::new(8.5, 8.5), DVec2::new(30.5, 20.5), DVec2::new(50.5, 40.5)],
 //!     scales_px: Vec::new(),
+//!     orientations: Vec::new(),
 //!     scores: Vec::new(),
 //!     descriptors: Descriptors::Floats { dim: 2, values: values.to_vec() },
 //! };

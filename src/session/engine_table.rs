@@ -175,6 +175,7 @@ impl EngineId for TrackerId {
 }
 
 const FEATURES: &str = "its network and ONNX Runtime; add both with 'ostra models add'";
+const ALIKED: &str = "the network aliked and ONNX Runtime; get both with 'ostra models install'";
 
 impl EngineId for FeatureId {
     const KIND: EngineKind = EngineKind::Features;
@@ -185,6 +186,7 @@ impl EngineId for FeatureId {
         network_spec(Self::SuperPoint, FEATURES, &["superpoint"], || {
             is_usable("superpoint")
         }),
+        network_spec(Self::Aliked, ALIKED, &["aliked"], || is_usable("aliked")),
     ];
 }
 
@@ -192,6 +194,10 @@ const LIGHTERGLUE: &str =
     "features of xfeat, its network and ONNX Runtime; get both with 'ostra models install'";
 const SUPERGLUE: &str = "features of superpoint, the network superglue-outdoor or superglue-indoor and ONNX Runtime; \
                          add them with 'ostra models add'";
+const SIFT_LIGHTGLUE: &str = "features of sift, the network sift-lightglue and ONNX Runtime; \
+                              get both with 'ostra models install'";
+const ALIKED_LIGHTGLUE: &str = "features of aliked, the network aliked-lightglue and ONNX Runtime; \
+                                get them with 'ostra models install'";
 
 impl EngineId for MatcherId {
     const KIND: EngineKind = EngineKind::Matcher;
@@ -206,6 +212,18 @@ impl EngineId for MatcherId {
             SUPERGLUE,
             &["superglue-outdoor", "superglue-indoor"],
             || superglue_network().is_some(),
+        ),
+        network_spec(
+            Self::SiftLightGlue,
+            SIFT_LIGHTGLUE,
+            &["sift-lightglue"],
+            || is_usable("sift-lightglue"),
+        ),
+        network_spec(
+            Self::AlikedLightGlue,
+            ALIKED_LIGHTGLUE,
+            &["aliked-lightglue"],
+            || is_usable("aliked-lightglue"),
         ),
     ];
 }

@@ -7,8 +7,8 @@ use anyhow::{Result, bail, ensure};
 use crate::TrackSettings;
 use crate::engine_table::EngineId;
 use crate::networks::{
-    KeptSam, KeptTracker, KeptXFeat, TrackNetwork, grounding_dino, is_usable, sam_network,
-    superglue_network, yolox,
+    KeptSam, KeptTracker, KeptXFeat, TrackNetwork, failed_networks, grounding_dino, is_usable,
+    sam_network, superglue_network, yolox,
 };
 use ostra_compute::nn::{Catalogue, Provider, models_folder};
 use ostra_core::lists::in_words;
@@ -21,8 +21,9 @@ use ostra_project::{
 use ostra_reconstruct::rgbd::register::GlobalRegistration;
 use ostra_reconstruct::sfm::matching::NearestMatcher;
 use ostra_reconstruct::sfm::onnx::{
-    LighterGlue, LighterGlueOptions, SuperGlue, SuperGlueOptions, SuperPoint, SuperPointOptions,
-    XFeat, XFeatOptions,
+    Aliked, AlikedOptions, LightGlue, LightGlueFeatures, LightGlueOptions, LighterGlue,
+    LighterGlueOptions, SuperGlue, SuperGlueOptions, SuperPoint, SuperPointOptions, XFeat,
+    XFeatOptions,
 };
 use ostra_reconstruct::sfm::{FeatureExtractor, FeatureMatcher, Sift, SiftOptions};
 use ostra_tracking::flow::{DenseFeatures, FlowTracker};
@@ -216,6 +217,14 @@ pub(crate) fn extractor(
             };
             Box::new(SuperPoint::load(&models_folder()?, options)?)
         }
+        FeatureId::Aliked => {
+            let standard = AlikedOptions::default();
+            let options = AlikedOptions {
+                max_side: side(standard.max_side),
+                ..standard
+            };
+            Box::new(Aliked::load(&models_folder()?, options)?)
+        }
         FeatureId::Auto | FeatureId::Sift => {
             let standard = SiftOptions::default();
             Box::new(Sift {
@@ -230,42 +239,95 @@ pub(crate) fn extractor(
 
 /// Creates a matcher for the features of an extractor.
 ///
-/// `Auto` is the network trained for these features, if it is installed.
+/// `Auto` is the network trained for these features, if it is installed. SIFT is matched by nearest
+/// neighbours, which are faster and enough for most images; [`second_matcher`] is for the others.
 pub(crate) fn matcher(matcher: MatcherId, features: FeatureId) -> Result<Box<dyn FeatureMatcher>> {
     let requested = matcher.installed()?;
-    let made_for = match features.installed()? {
-        FeatureId::XFeat => Some(MatcherId::LighterGlue),
-        FeatureId::SuperPoint => Some(MatcherId::SuperGlue),
-        FeatureId::Auto | FeatureId::Sift => None,
-    };
+    let features = features.installed()?;
+    let trained = network_for(features);
+    let is_sift = matches!(features, FeatureId::Auto | FeatureId::Sift);
     let wanted = match requested {
-        MatcherId::Auto => made_for.filter(|network| network.is_installed()),
-        MatcherId::Nearest => None,
-        network => Some(network),
+        MatcherId::Auto if is_sift => MatcherId::Nearest,
+        MatcherId::Auto if trained.is_installed() => trained,
+        MatcherId::Auto => MatcherId::Nearest,
+        requested => requested,
     };
-    if wanted.is_some() && wanted != made_for {
+    if wanted != MatcherId::Nearest && wanted != trained {
         let theirs = match requested {
             MatcherId::SuperGlue => FeatureId::SuperPoint,
-            _ => FeatureId::XFeat,
+            MatcherId::SiftLightGlue => FeatureId::Sift,
+            MatcherId::AlikedLightGlue => FeatureId::Aliked,
+            MatcherId::Auto | MatcherId::Nearest | MatcherId::LighterGlue => FeatureId::XFeat,
         }
         .name();
         bail!("'{matcher}' matches features of {theirs}; choose --features {theirs}");
     }
-    Ok(match wanted {
-        Some(MatcherId::LighterGlue) => Box::new(LighterGlue::load(
-            &models_folder()?,
-            LighterGlueOptions::default(),
-        )?),
-        Some(_) => {
+    if wanted == MatcherId::Nearest {
+        return Ok(Box::new(if is_sift {
+            NearestMatcher::for_bytes()
+        } else {
+            NearestMatcher::for_floats()
+        }));
+    }
+    matching_network(wanted)
+}
+
+/// A matcher that may find more than nearest neighbours.
+pub(crate) enum SecondMatcher {
+    /// Another matcher was requested, or the network failed its test.
+    None,
+    /// Its network, of this name, is not installed.
+    Missing(&'static str),
+    /// It can be used.
+    Ready(Box<dyn FeatureMatcher>),
+}
+
+/// Creates the matcher that `auto` tries where nearest neighbours find too little.
+pub(crate) fn second_matcher(matcher: MatcherId, features: FeatureId) -> Result<SecondMatcher> {
+    let is_sift = matches!(features, FeatureId::Auto | FeatureId::Sift);
+    if matcher != MatcherId::Auto || !is_sift {
+        return Ok(SecondMatcher::None);
+    }
+    let network = network_for(features);
+    if network.is_installed() {
+        return Ok(SecondMatcher::Ready(matching_network(network)?));
+    }
+    let name = network.name();
+    Ok(if failed_networks(&[name]).is_empty() {
+        SecondMatcher::Missing(name)
+    } else {
+        SecondMatcher::None
+    })
+}
+
+/// Returns the matcher that was trained for some features.
+fn network_for(features: FeatureId) -> MatcherId {
+    match features {
+        FeatureId::Auto | FeatureId::Sift => MatcherId::SiftLightGlue,
+        FeatureId::XFeat => MatcherId::LighterGlue,
+        FeatureId::SuperPoint => MatcherId::SuperGlue,
+        FeatureId::Aliked => MatcherId::AlikedLightGlue,
+    }
+}
+
+/// Loads the network of a matcher.
+fn matching_network(matcher: MatcherId) -> Result<Box<dyn FeatureMatcher>> {
+    let folder = models_folder()?;
+    let light_glue = |features| LightGlue::load(&folder, features, LightGlueOptions::default());
+    Ok(match matcher {
+        MatcherId::SiftLightGlue => Box::new(light_glue(LightGlueFeatures::Sift)?),
+        MatcherId::AlikedLightGlue => Box::new(light_glue(LightGlueFeatures::Aliked)?),
+        MatcherId::LighterGlue => {
+            Box::new(LighterGlue::load(&folder, LighterGlueOptions::default())?)
+        }
+        MatcherId::Auto | MatcherId::Nearest | MatcherId::SuperGlue => {
             let network = superglue_network().unwrap_or("superglue-outdoor");
             Box::new(SuperGlue::load(
-                &models_folder()?,
+                &folder,
                 network,
                 SuperGlueOptions::default(),
             )?)
         }
-        None if made_for.is_some() => Box::new(NearestMatcher::for_floats()),
-        None => Box::new(NearestMatcher::for_bytes()),
     })
 }
 

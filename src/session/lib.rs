@@ -69,6 +69,7 @@ mod synthetic_images;
 #[cfg(test)]
 mod tests;
 mod track_run;
+mod tracker_test;
 mod unfinished;
 
 pub use command::{Command, NewProject, Recipe};
@@ -81,7 +82,7 @@ pub use job_task::{JobTask, JobTitle};
 pub use jobs::JobKind;
 pub use models::{
     add_model, check_model, failed_test_text, install_model, list_addresses, list_models,
-    remove_model, test_model,
+    not_run_text, remove_model, test_model,
 };
 pub use network_test::NetworkTest;
 pub use ostra_compute::nn::{

@@ -84,7 +84,7 @@ pub fn install_model(
 
 /// Asks an installed network questions with known answers, and remembers the result.
 ///
-/// A network that does not run or whose answers are wrong is not used.
+/// A network whose answers are wrong is not used.
 ///
 /// # Errors
 ///
@@ -171,8 +171,10 @@ fn done(request: &ModelRequest, progress: &Progress) -> Result<Vec<String>> {
     };
     let mut warnings: Vec<String> = added.into_iter().filter_map(unchecked).collect();
     progress.stage(&format!("Test {name}"))?;
-    if let NetworkTest::Failed(what) = test_model(name, progress)? {
-        warnings.push(failed_test_text(name, &what));
+    match test_model(name, progress)? {
+        NetworkTest::Failed(what) => warnings.push(failed_test_text(name, &what)),
+        NetworkTest::NotRun(why) => warnings.push(not_run_text(name, &why)),
+        NetworkTest::Passed(_) | NetworkTest::Untested(_) => {}
     }
     Ok(warnings)
 }
@@ -182,6 +184,14 @@ fn done(request: &ModelRequest, progress: &Progress) -> Result<Vec<String>> {
 pub fn failed_test_text(name: &str, what: &str) -> String {
     format!(
         "`{name}` failed its test ({what}) and is not used; remove it with `ostra models remove {name}`"
+    )
+}
+
+/// Returns what it means that a network did not run in its test.
+#[must_use]
+pub fn not_run_text(name: &str, why: &str) -> String {
+    format!(
+        "`{name}` could not be tested, as it did not run ({why}); test it again with `ostra models test {name}`"
     )
 }
 

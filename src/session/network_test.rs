@@ -10,6 +10,7 @@ use std::sync::Arc;
 use glam::DVec2;
 
 use crate::synthetic_images::{Grey, clock_image, disc_image, noise};
+use crate::tracker_test::tracked_disc_iou;
 use ostra_compute::nn::{NnError, TestResult};
 use ostra_core::job::Progress;
 use ostra_masks::onnx::Yolox;
@@ -17,19 +18,24 @@ use ostra_masks::onnx::grounding::GroundingDino;
 use ostra_masks::onnx::sam::Sam;
 use ostra_masks::{
     Click, GroundRequest, MaskError, PreparedFrame, Prompt, PxBox, SegmentRequest, Segmenter,
-    TextGrounder,
+    TextGrounder, Tracker,
 };
 use ostra_reconstruct::sfm::matching::NearestMatcher;
 use ostra_reconstruct::sfm::onnx::{
-    LighterGlue, LighterGlueOptions, SuperGlue, SuperGlueOptions, SuperPoint, SuperPointOptions,
-    XFeat, XFeatOptions,
+    Aliked, AlikedOptions, LightGlue, LightGlueFeatures, LightGlueOptions, LighterGlue,
+    LighterGlueOptions, SuperGlue, SuperGlueOptions, SuperPoint, SuperPointOptions, XFeat,
+    XFeatOptions,
 };
-use ostra_reconstruct::sfm::{FeatureError, FeatureExtractor, FeatureMatcher};
+use ostra_reconstruct::sfm::{FeatureError, FeatureExtractor, FeatureMatcher, Sift};
+use ostra_tracking::deaot::Deaot;
+use ostra_tracking::xmem::XMem;
 
 /// Minimum IoU of a mask with the object that was clicked.
 const LEAST_MASK_IOU: f64 = 0.9;
 /// Minimum IoU of a box with the object that was searched for.
 const LEAST_BOX_IOU: f64 = 0.8;
+/// Minimum mean IoU of the masks of a tracked disc, which moves by a quarter of its size per frame.
+const LEAST_TRACKED_IOU: f64 = 0.7;
 /// Minimum number of matches of an image with its shifted copy.
 const LEAST_MATCHES: usize = 100;
 /// Minimum share of correct matches of a matching network.
@@ -41,6 +47,11 @@ const LEAST_CORRECT: f64 = 0.7;
 ///
 /// With the weights of XFeat it is 0.76; descriptors without meaning give almost none.
 const LEAST_CORRECT_NEAREST: f64 = 0.5;
+/// Minimum share of correct matches of networks that were not measured with their weights.
+///
+/// It is lower than for the measured ones, so that a good network never fails. Weights without
+/// meaning give almost no correct match.
+const LEAST_CORRECT_UNMEASURED: f64 = 0.4;
 /// Maximum distance of a correct match from the true position, pixels.
 const MATCH_TOLERANCE_PX: f64 = 2.0;
 /// Shift between both images, pixels. It is not a multiple of a network's cells.
@@ -51,20 +62,22 @@ const SHIFT_PX: [usize; 2] = [27, 13];
 pub enum NetworkTest {
     /// The answers are right; the text has figures.
     Passed(String),
-    /// The network does not run, or its answers are wrong.
+    /// Its answers are wrong.
     Failed(String),
+    /// It did not run, for this reason: memory or the graphics card may be lacking at the moment.
+    NotRun(String),
     /// No test was made, for this reason.
     Untested(String),
 }
 
 impl NetworkTest {
-    /// Returns the result to be remembered; `None` if no test was made.
+    /// Returns the result to be remembered; `None` if the network gave no answers.
     #[must_use]
     pub(crate) fn result(&self) -> Option<TestResult> {
         match self {
             Self::Passed(_) => Some(TestResult::Passed),
             Self::Failed(what) => Some(TestResult::Failed(what.clone())),
-            Self::Untested(_) => None,
+            Self::NotRun(_) | Self::Untested(_) => None,
         }
     }
 }
@@ -107,7 +120,7 @@ impl From<NnError> for Interrupted {
 ///
 /// # Errors
 ///
-/// Returns an error if the user stops it. A network that does not load or run has failed.
+/// Returns an error if the user stops it. A network that does not load or run is no error.
 pub(crate) fn test_network(
     folder: &Path,
     name: &str,
@@ -135,7 +148,19 @@ pub(crate) fn test_network(
             Some(untested) => return Ok(untested),
             None => ask_lighterglue(folder),
         },
+        "aliked" => ask_aliked(folder),
+        "aliked-lightglue" => match needs("aliked") {
+            Some(untested) => return Ok(untested),
+            None => ask_aliked_lightglue(folder),
+        },
+        "sift-lightglue" => ask_sift_lightglue(folder),
         "superpoint" => ask_superpoint(folder),
+        "xmem" => XMem::load(folder)
+            .map_err(Interrupted::from)
+            .and_then(|xmem| ask_tracker(&xmem, progress)),
+        "deaot" => Deaot::load(folder)
+            .map_err(Interrupted::from)
+            .and_then(|deaot| ask_tracker(&deaot, progress)),
         "superglue-indoor" | "superglue-outdoor" => match needs("superpoint") {
             Some(untested) => return Ok(untested),
             None => ask_superglue(folder, name),
@@ -148,7 +173,8 @@ pub(crate) fn test_network(
     };
     match verdict {
         Ok(Ok(figures)) => Ok(NetworkTest::Passed(figures)),
-        Ok(Err(wrong)) | Err(Interrupted::Broken(wrong)) => Ok(NetworkTest::Failed(wrong)),
+        Ok(Err(wrong)) => Ok(NetworkTest::Failed(wrong)),
+        Err(Interrupted::Broken(why)) => Ok(NetworkTest::NotRun(why)),
         Err(Interrupted::Stopped) => Err(ostra_core::job::Stopped),
     }
 }
@@ -230,6 +256,18 @@ fn box_iou(a: &PxBox, b: &PxBox) -> f64 {
     common / (area(a.max_px - a.min_px) + area(b.max_px - b.min_px) - common)
 }
 
+/// Tracks a moving disc.
+fn ask_tracker(tracker: &dyn Tracker, progress: &Progress) -> Result<Verdict, Interrupted> {
+    let iou = tracked_disc_iou(tracker, progress)?;
+    Ok(if iou >= LEAST_TRACKED_IOU {
+        Ok(format!("mean IoU of a moving disc {iou:.2}"))
+    } else {
+        Err(format!(
+            "a moving disc is tracked with mean IoU {iou:.2} instead of at least {LEAST_TRACKED_IOU}"
+        ))
+    })
+}
+
 fn ask_xfeat(folder: &Path) -> Result<Verdict, Interrupted> {
     let xfeat = XFeat::load(folder, XFeatOptions::default())?;
     ask_about_shift(&xfeat, &NearestMatcher::for_floats(), LEAST_CORRECT_NEAREST)
@@ -239,6 +277,39 @@ fn ask_lighterglue(folder: &Path) -> Result<Verdict, Interrupted> {
     let xfeat = XFeat::load(folder, XFeatOptions::default())?;
     let lighterglue = LighterGlue::load(folder, LighterGlueOptions::default())?;
     ask_about_shift(&xfeat, &lighterglue, LEAST_CORRECT)
+}
+
+fn ask_aliked(folder: &Path) -> Result<Verdict, Interrupted> {
+    // Noise has few of the corners of photos.
+    let options = AlikedOptions {
+        least_score: 0.0,
+        ..AlikedOptions::default()
+    };
+    let aliked = Aliked::load(folder, options)?;
+    ask_about_shift(
+        &aliked,
+        &NearestMatcher::for_floats(),
+        LEAST_CORRECT_UNMEASURED,
+    )
+}
+
+fn ask_aliked_lightglue(folder: &Path) -> Result<Verdict, Interrupted> {
+    let options = AlikedOptions {
+        least_score: 0.0,
+        ..AlikedOptions::default()
+    };
+    let aliked = Aliked::load(folder, options)?;
+    let lightglue = LightGlue::load(
+        folder,
+        LightGlueFeatures::Aliked,
+        LightGlueOptions::default(),
+    )?;
+    ask_about_shift(&aliked, &lightglue, LEAST_CORRECT_UNMEASURED)
+}
+
+fn ask_sift_lightglue(folder: &Path) -> Result<Verdict, Interrupted> {
+    let lightglue = LightGlue::load(folder, LightGlueFeatures::Sift, LightGlueOptions::default())?;
+    ask_about_shift(&Sift::default(), &lightglue, LEAST_CORRECT_UNMEASURED)
 }
 
 fn ask_superpoint(folder: &Path) -> Result<Verdict, Interrupted> {

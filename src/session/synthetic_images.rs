@@ -81,6 +81,36 @@ pub(crate) fn disc_image() -> (Image, Disc) {
     (image, disc)
 }
 
+/// Returns an image of a video in which an orange disc moves to the right in front of a wall.
+pub(crate) fn moving_disc(at: u32) -> (Image, Disc) {
+    let (width, height) = (320, 240);
+    let disc = Disc {
+        width,
+        height,
+        centre_px: DVec2::new(80.0 + 20.0 * f64::from(at), 120.0),
+        radius_px: 45.0,
+    };
+    let wall = noise(width as usize, height as usize);
+    // The texture of the disc moves with it.
+    let surface = noise(width as usize, height as usize);
+    let colour = |(at_px, wall): (DVec2, &f32)| {
+        let from_centre = at_px - disc.centre_px;
+        if from_centre.length() >= disc.radius_px {
+            return [110.0, 140.0, 110.0].map(|value| (value + 60.0 * f64::from(wall - 0.5)) as u8);
+        }
+        let place = (from_centre + 100.0).as_uvec2();
+        let texture = surface.values[(place.y * width + place.x) as usize];
+        [200.0, 110.0, 40.0].map(|value| (value + 50.0 * f64::from(texture - 0.5)) as u8)
+    };
+    let pixels = positions(width, height).zip(&wall.values).map(colour);
+    let image = Image {
+        width,
+        height,
+        pixels: pixels.collect(),
+    };
+    (image, disc)
+}
+
 /// Returns a round clock on a plain wall.
 pub(crate) fn clock_image() -> (Image, Disc) {
     let (width, height) = (416, 416);

@@ -40,6 +40,7 @@ impl FeatureExtractor for Columns {
                 .map(|x| DVec2::new(x as f64 + 0.5, 0.5))
                 .collect(),
             scales_px: vec![1.5; width],
+            orientations: vec![0.75; width],
             scores: vec![0.5; width],
             descriptors: Descriptors::Bytes {
                 dim: height,
@@ -70,7 +71,12 @@ fn extract_and_match(folder: &Path) {
         extractor.extract(&grey, WIDTH, HEIGHT, None).unwrap()
     });
     for one in &images {
-        let counts = [one.scales_px.len(), one.scores.len(), one.descriptors.len()];
+        let counts = [
+            one.scales_px.len(),
+            one.orientations.len(),
+            one.scores.len(),
+            one.descriptors.len(),
+        ];
         assert!(
             counts
                 .iter()

@@ -59,6 +59,8 @@ mod large_coordinates;
 #[cfg(test)]
 mod layouts;
 #[cfg(test)]
+mod learned_matches;
+#[cfg(test)]
 mod mask_inputs;
 #[cfg(test)]
 mod networks;

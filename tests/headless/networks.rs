@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 /// Small networks with the interfaces of public files (`tests/parity/public.py`).
-fn public(name: &str) -> PathBuf {
+pub(super) fn public(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/parity/public");
     folder.join(name)
 }
 
 /// Runs the program with its data in `folder/data`, in this folder.
-fn ostra(folder: &Path, args: &[&str]) -> Output {
+pub(super) fn ostra(folder: &Path, args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_ostra"))
         .args(args)
         .current_dir(folder)
@@ -22,7 +22,7 @@ fn ostra(folder: &Path, args: &[&str]) -> Output {
 }
 
 /// Runs a command that must succeed and returns what it prints.
-fn done(folder: &Path, args: &[&str]) -> String {
+pub(super) fn done(folder: &Path, args: &[&str]) -> String {
     let output = ostra(folder, args);
     let error = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{args:?}: {error}");
@@ -30,7 +30,7 @@ fn done(folder: &Path, args: &[&str]) -> String {
 }
 
 /// Runs a command that must fail with one line and returns it.
-fn refused(folder: &Path, args: &[&str]) -> String {
+pub(super) fn refused(folder: &Path, args: &[&str]) -> String {
     let output = ostra(folder, args);
     let text = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1), "{args:?}: {text}");

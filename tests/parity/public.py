@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes small networks with the interfaces of public files, which segment flat colours or find a clock.
+"""Writes small networks with the interfaces of public files, which segment flat colours, find a clock or match keypoints.
 
     pip install onnx numpy
     python3 tests/parity/public.py tests/parity/public
@@ -12,6 +12,10 @@ earlier answer is added. The decoders give one mask (`single`) or four.
 `grounding.onnx` has the interface of the export of Hugging Face. Whatever it is asked for, it finds one box, around the
 dark pixels of the image. `decoder-wrong.onnx` gives what was not asked for. `encoder-data.onnx` reads its weights from
 `encoder-data.bin`.
+
+`aliked.onnx` finds the extrema of a difference of Gaussians and describes them by random projections of the pixels around
+them. `aliked-lightglue.onnx` and `sift-lightglue.onnx` match mutually most similar descriptors; that for SIFT also wants
+equal scales and orientations. `sift-lightglue-wrong.onnx` gives other partners.
 """
 
 import argparse
@@ -247,6 +251,110 @@ def grounding(path):
     g.save(path, inputs, [("logits", "f32", [1, queries, 256]), ("pred_boxes", "f32", [1, queries, 4])])
 
 
+def gaussian(side, deviation):
+    """Returns a kernel of sum 1, [1, 1, side, side]."""
+    at = np.exp(-0.5 * ((np.arange(side) - side // 2) / deviation) ** 2)
+    kernel = np.outer(at, at)
+    return (kernel / kernel.sum()).reshape(1, 1, side, side)
+
+
+def aliked(path):
+    """A network that finds extrema of a difference of Gaussians, with random projections of 7 × 7 pixels."""
+    around, dim = 3, 128
+    g = Graph()
+    grey = g.add("Conv", "image", g.constant(np.array([0.3, 0.5, 0.2]).reshape(1, 3, 1, 1)))
+    padded = lambda by: g.add("Pad", grey, g.ints(0, 0, by, by, 0, 0, by, by), mode="edge")  # noqa: E731
+    fine = g.add("Conv", padded(4), g.constant(gaussian(9, 1.2)))
+    coarse = g.add("Conv", padded(7), g.constant(gaussian(15, 2.4)))
+    strength = g.add("Abs", g.add("Mul", g.add("Sub", fine, coarse), g.constant(6)))
+    strength = g.add("Clip", strength, g.constant(0), g.constant(1))
+    largest = g.add("MaxPool", strength, kernel_shape=[5, 5], strides=[1, 1], pads=[2, 2, 2, 2])
+    peaks = g.add("Mul", strength, g.cast(g.add("Equal", strength, largest)))
+    flat = g.add("Reshape", peaks, g.ints(-1))
+    count = g.add("Min", g.add("Unsqueeze", "max_keypoints", g.ints(0)), g.add("Shape", flat))
+    g.nodes.append(helper.make_node("TopK", [flat, count], ["best", "places"], axis=0))
+    is_kept = g.add("And", g.add("GreaterOrEqual", "best", "min_score"), g.add("Greater", "best", g.constant(0)))
+    g.add("Unsqueeze", g.add("Compress", "best", is_kept, axis=0), g.ints(0), to="scores")
+    places = g.add("Compress", "places", is_kept, axis=0)
+    side = lambda axis: g.add("Slice", g.add("Shape", "image"), g.ints(axis), g.ints(axis + 1))  # noqa: E731
+    width, height = side(3), side(2)
+    row = g.add("Div", places, width)
+    column = g.add("Sub", places, g.add("Mul", row, width))
+    scaled = []
+    for at, size in [(column, width), (row, height)]:
+        last = g.cast(g.add("Sub", size, g.ints(1)))
+        share = g.add("Div", g.cast(at), last)
+        at = g.add("Sub", g.add("Mul", share, g.constant(2)), g.constant(1))
+        scaled.append(g.add("Unsqueeze", at, g.ints(1)))
+    g.add("Unsqueeze", g.add("Concat", *scaled, axis=1), g.ints(0), to="keypoints")
+    # The pixels around a keypoint, in the padded image.
+    wide = g.add("Add", width, g.ints(2 * around))
+    offsets = np.arange(2 * around + 1)
+    rows, columns = (of.reshape(1, -1) for of in np.meshgrid(offsets, offsets, indexing="ij"))
+    rows = g.add("Add", g.add("Unsqueeze", row, g.ints(1)), g.constant(rows, np.int64))
+    columns = g.add("Add", g.add("Unsqueeze", column, g.ints(1)), g.constant(columns, np.int64))
+    pixels = g.add("Gather", g.add("Reshape", padded(around), g.ints(-1)), g.add("Add", g.add("Mul", rows, wide), columns))
+    random = np.random.default_rng(45).normal(size=((2 * around + 1) ** 2, dim))
+    described = g.add("MatMul", pixels, g.constant(random - random.mean(0)))
+    length = g.add("ReduceL2", described, axes=[1], keepdims=1)
+    described = g.add("Div", described, g.add("Max", length, g.constant(1e-9)))
+    g.add("Unsqueeze", described, g.ints(0), to="descriptors")
+    inputs = [
+        ("image", "f32", ["batch", 3, "height", "width"]),
+        ("max_keypoints", "i64", []),
+        ("min_score", "f32", []),
+    ]
+    outputs = [
+        ("keypoints", "f32", ["batch", "num_keypoints", 2]),
+        ("descriptors", "f32", ["batch", "num_keypoints", dim]),
+        ("scores", "f32", ["batch", "num_keypoints"]),
+    ]
+    g.save(path, inputs, outputs)
+
+
+def lightglue(path, is_sift, offset=0):
+    """A network that matches mutually most similar descriptors; `offset` is added to the partners."""
+    g = Graph()
+    alike = g.add("MatMul", "desc0", g.add("Transpose", "desc1", perm=[0, 2, 1]))
+    # Descriptors that are not similar do not match.
+    alike = g.add("Mul", g.add("Sub", alike, g.constant(0.8)), g.constant(5))
+    for at in (0, 1):
+        # The matches depend on all inputs, so that none can be left out.
+        half = g.add("Div", f"image_size{at}", g.constant(2))
+        largest = g.add("ReduceMax", half, axes=[1], keepdims=1)
+        placed = g.add("Div", g.add("Sub", f"kpts{at}", g.add("Unsqueeze", half, g.ints(1))), largest)
+        sum_of = g.add("ReduceSum", placed, keepdims=0)
+        alike = g.add("Add", alike, g.add("Mul", sum_of, g.constant(0)))
+    if is_sift:
+        column = lambda name: g.add("Unsqueeze", name, g.ints(2))  # noqa: E731
+        row = lambda name: g.add("Unsqueeze", name, g.ints(1))  # noqa: E731
+        ratio = g.add("Abs", g.add("Log", g.add("Div", column("scales0"), row("scales1"))))
+        turn = g.add("Cos", g.add("Sub", column("oris0"), row("oris1")))
+        alike = g.add("Sub", alike, g.add("Add", ratio, g.add("Sub", g.constant(1), turn)))
+    partners = g.add("Squeeze", g.add("ArgMax", alike, axis=2, keepdims=0), g.ints(0))
+    back = g.add("Squeeze", g.add("ArgMax", alike, axis=1, keepdims=0), g.ints(0))
+    best = g.add("Squeeze", g.add("ReduceMax", alike, axes=[2], keepdims=0), g.ints(0))
+    count = g.add("Squeeze", g.add("Shape", partners), g.ints(0))
+    own = g.add("Range", g.constant(0, np.int64), count, g.constant(1, np.int64))
+    is_mutual = g.add("Equal", g.add("Gather", back, partners), own)
+    is_match = g.add("And", is_mutual, g.add("Greater", best, g.constant(0.1)))
+    if offset:
+        number = g.add("Shape", back)
+        partners = g.add("Mod", g.add("Add", partners, g.ints(offset)), number)
+    g.add("Where", is_match, partners, g.ints(-1), to="matches0")
+    scores = g.add("Clip", best, g.constant(0), g.constant(1))
+    g.add("Mul", scores, g.cast(is_match), to="mscores0")
+    inputs = []
+    for name, values in [("kpts", 2), ("desc", 128)]:
+        inputs += [(f"{name}{at}", "f32", ["batch", f"num_keypoints{at}", values]) for at in (0, 1)]
+    inputs += [(f"image_size{at}", "f32", ["batch", 2]) for at in (0, 1)]
+    if is_sift:
+        for name in ("scales", "oris"):
+            inputs += [(f"{name}{at}", "f32", ["batch", f"num_keypoints{at}"]) for at in (0, 1)]
+    outputs = [("matches0", "i64", ["num_matches0"]), ("mscores0", "f32", ["num_matches0"])]
+    g.save(path, inputs, outputs)
+
+
 def with_data(path):
     """An encoder with weights in a file of their own, `encoder-data.bin`."""
     g = Graph()
@@ -278,6 +386,10 @@ def main():
     decoder(out / "decoder-wrong.onnx", 4, sign=-1)
     decoder(out / "decoder-sam2.onnx", 4, is_sam2=True)
     grounding(out / "grounding.onnx")
+    aliked(out / "aliked.onnx")
+    lightglue(out / "aliked-lightglue.onnx", is_sift=False)
+    lightglue(out / "sift-lightglue.onnx", is_sift=True)
+    lightglue(out / "sift-lightglue-wrong.onnx", is_sift=True, offset=7)
     (out / "encoder-data.bin").unlink(missing_ok=True)
     with_data(out / "encoder-data.onnx")
 

@@ -139,8 +139,8 @@ fn removing_ui(ui: &mut Ui, view: &mut ViewState, row: &ModelStatus, out: &mut V
 fn state_ui(ui: &mut Ui, row: &ModelStatus) {
     let Some(installed) = &row.installed else {
         let size = row
-            .download_bytes
-            .map_or(String::new(), |bytes| format!(", {}", megabytes(bytes)));
+            .download_text()
+            .map_or(String::new(), |size| format!(", {size}"));
         ui.weak(format!("not installed{size}"))
             .on_hover_text(format!("It comes from {}", row.source));
         return;
@@ -219,8 +219,8 @@ fn install_ui(ui: &mut Ui, view: &mut ViewState, row: &ModelStatus, out: &mut Ve
     let name = &row.name;
     let variant = chosen_variant(view, row);
     let size = variant
-        .map_or(row.download_bytes, |variant| variant.download_bytes)
-        .map_or(String::new(), |bytes| format!(" {}", megabytes(bytes)));
+        .map_or_else(|| row.download_text(), VariantStatus::download_text)
+        .map_or(String::new(), |size| format!(" {size}"));
     let tip = format!("Download{size} (licence: {})", row.licence);
     let reason = format!("Has no address to be fetched from; see {}", row.source);
     let reason = (!row.has_address).then_some(reason.as_str());
@@ -280,7 +280,7 @@ fn install_command(
 }
 
 fn variant_text(variant: &VariantStatus) -> String {
-    let size = variant.download_bytes.map(megabytes);
+    let size = variant.download_text();
     let memory = variant
         .memory_mb
         .map(|mb| format!("about {mb} MB of memory"));

@@ -57,13 +57,24 @@ impl NetworkVariant {
     /// Returns the number of bytes to download, if known; an archive counts once.
     #[must_use]
     pub fn download_bytes(&self) -> Option<u64> {
+        self.total(NetworkFile::download_bytes)
+    }
+
+    /// Returns the estimated number of bytes to download, if the exact one is not known.
+    #[must_use]
+    pub fn about_bytes(&self) -> Option<u64> {
+        let estimate = || self.total(NetworkFile::about_download_bytes);
+        self.download_bytes().map_or_else(estimate, |_| None)
+    }
+
+    fn total(&self, bytes: fn(&NetworkFile) -> Option<u64>) -> Option<u64> {
         let first = |file: &NetworkFile| file.addresses.first().map(|address| address.url.clone());
         let mut seen = Vec::new();
         let mut total = 0;
         for file in &self.files {
             let url = first(file)?;
             if !seen.contains(&url) {
-                total += file.download_bytes()?;
+                total += bytes(file)?;
                 seen.push(url);
             }
         }
@@ -290,6 +301,8 @@ struct FileText {
     #[serde(default)]
     bytes: Option<u64>,
     #[serde(default)]
+    about_mb: Option<u64>,
+    #[serde(default)]
     sha256: Option<String>,
     #[serde(default)]
     other_sha256: Vec<String>,
@@ -408,6 +421,7 @@ impl FileText {
             name: self.name,
             kind,
             bytes: self.bytes,
+            about_mb: self.about_mb,
             sha256: self.sha256,
             other_sha256: self.other_sha256,
             addresses,

@@ -32,6 +32,8 @@ pub struct ModelStatus {
     pub has_address: bool,
     /// Number of bytes to download, if known.
     pub download_bytes: Option<u64>,
+    /// Estimated number of bytes to download, if the exact one is not known.
+    pub about_bytes: Option<u64>,
     /// Variants that can be downloaded, the recommended one first; none if there is only one.
     pub variants: Vec<VariantStatus>,
     /// The installed files, if all of them exist.
@@ -51,8 +53,31 @@ pub struct VariantStatus {
     pub summary: String,
     /// Number of bytes to download, if known.
     pub download_bytes: Option<u64>,
+    /// Estimated number of bytes to download, if the exact one is not known.
+    pub about_bytes: Option<u64>,
     /// Least memory that it needs, in MB, if known.
     pub memory_mb: Option<u64>,
+}
+
+impl ModelStatus {
+    /// Returns the size of the download as text, such as "45.8 MB" or "about 130 MB".
+    #[must_use]
+    pub fn download_text(&self) -> Option<String> {
+        size_text(self.download_bytes, self.about_bytes)
+    }
+}
+
+impl VariantStatus {
+    /// Returns the size of the download as text, such as "45.8 MB" or "about 130 MB".
+    #[must_use]
+    pub fn download_text(&self) -> Option<String> {
+        size_text(self.download_bytes, self.about_bytes)
+    }
+}
+
+fn size_text(exact: Option<u64>, about: Option<u64>) -> Option<String> {
+    let exact = exact.map(|bytes| format!("{:.1} MB", bytes as f64 / 1e6));
+    exact.or_else(|| Some(format!("about {} MB", about?.div_ceil(1_000_000))))
 }
 
 /// Result of a test with a known answer.
@@ -61,7 +86,7 @@ pub struct VariantStatus {
 pub enum TestResult {
     /// The answers were right.
     Passed,
-    /// The network does not run, or gives other answers.
+    /// The network gives other answers.
     Failed(String),
 }
 
@@ -178,6 +203,7 @@ fn status(entry: &CatalogueEntry, folder: &Path) -> ModelStatus {
             name: variant.name.clone(),
             summary: variant.summary.clone(),
             download_bytes: variant.download_bytes(),
+            about_bytes: variant.about_bytes(),
             memory_mb: variant.memory_mb,
         });
     let must_accept = |_: &String| !has_accepted(folder, entry).unwrap_or(false);
@@ -191,6 +217,7 @@ fn status(entry: &CatalogueEntry, folder: &Path) -> ModelStatus {
         files: entry.file_names(),
         has_address: entry.has_address(),
         download_bytes,
+        about_bytes: available().next().and_then(NetworkVariant::about_bytes),
         variants: variants.collect(),
         installed_variant: installed
             .as_ref()

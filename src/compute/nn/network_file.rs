@@ -14,6 +14,8 @@ pub struct NetworkFile {
     pub kind: FileKind,
     /// Size in bytes, if known.
     pub bytes: Option<u64>,
+    /// Estimated size in MB, if the exact one is not known.
+    pub about_mb: Option<u64>,
     /// Digest of a file that is known to work, lower-case hexadecimal.
     pub sha256: Option<String>,
     /// Digests of other files that are known to work, lower-case hexadecimal.
@@ -123,6 +125,12 @@ impl NetworkFile {
         } else {
             self.bytes
         }
+    }
+
+    /// Returns the number of bytes to download like [`Self::download_bytes`], or an estimate.
+    pub(super) fn about_download_bytes(&self) -> Option<u64> {
+        let estimate = || Some(self.about_mb? * 1_000_000);
+        self.download_bytes().or_else(estimate)
     }
 }
 

@@ -84,6 +84,7 @@ impl RuntimePackage {
     /// Returns the library as a file of a catalogue.
     pub(super) fn file(&self) -> NetworkFile {
         NetworkFile {
+            about_mb: None,
             name: library_name(),
             kind: FileKind::Data,
             bytes: None,

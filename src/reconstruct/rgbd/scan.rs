@@ -87,8 +87,7 @@ pub fn scan(
             known: view.known(),
         }));
     }
-    let grey = image.luma();
-    let features = extractor.extract(&grey, image.width as usize, image.height as usize, None)?;
+    let features = extractor.extract_from_image(&image, None)?;
     let places: Vec<Option<DVec3>> = features
         .keypoints
         .iter()

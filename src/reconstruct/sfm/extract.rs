@@ -139,12 +139,7 @@ impl FrameFeatureExtractor<'_> {
             Ok(allowed) => allowed,
             Err(error) => return Ok(none(frame, error.to_string())),
         };
-        let features = extractor.extract(
-            &image.luma(),
-            image.width as usize,
-            image.height as usize,
-            allowed.as_deref(),
-        )?;
+        let features = extractor.extract_from_image(&image, allowed.as_deref())?;
         Ok(coloured(features, &image))
     }
 
@@ -223,6 +218,7 @@ fn none(frame: &Frame, why: String) -> ImageFeatures {
         height: frame.height,
         keypoints: Vec::new(),
         scales_px: Vec::new(),
+        orientations: Vec::new(),
         scores: Vec::new(),
         descriptors: Descriptors::Bytes {
             dim: 1,

@@ -1,4 +1,5 @@
 use glam::DVec2;
+use ostra_frames::Image;
 
 /// Descriptors of keypoints: one row of `dim` values per keypoint, row by row.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,6 +75,9 @@ pub struct Features {
     pub keypoints: Vec<DVec2>,
     /// Radius of each keypoint in pixels; empty if the extractor gives none.
     pub scales_px: Vec<f32>,
+    /// Direction of each keypoint in radians, 0–2π, from the x axis towards the y axis (down);
+    /// empty if the extractor gives none.
+    pub orientations: Vec<f32>,
     /// Confidence of each keypoint, 0–1; empty if the extractor gives none.
     pub scores: Vec<f32>,
     /// One row per keypoint.
@@ -97,6 +101,7 @@ impl Features {
         Self {
             keypoints: some(&self.keypoints, 1, keep),
             scales_px: some(&self.scales_px, 1, keep),
+            orientations: some(&self.orientations, 1, keep),
             scores: some(&self.scores, 1, keep),
             descriptors: match &self.descriptors {
                 Descriptors::Bytes { values, .. } => Descriptors::Bytes {
@@ -132,6 +137,26 @@ pub trait FeatureExtractor: Send + Sync {
         height: usize,
         allowed: Option<&[bool]>,
     ) -> Result<Features, FeatureError>;
+
+    /// Returns whether [`Self::extract_from_image`] uses the colours of an image.
+    fn uses_color(&self) -> bool {
+        false
+    }
+
+    /// Extracts features of a colour image.
+    ///
+    /// By default, only its luma is used.
+    ///
+    /// # Errors
+    /// As [`Self::extract`].
+    fn extract_from_image(
+        &self,
+        image: &Image,
+        allowed: Option<&[bool]>,
+    ) -> Result<Features, FeatureError> {
+        let (width, height) = (image.width as usize, image.height as usize);
+        self.extract(&image.luma(), width, height, allowed)
+    }
 }
 
 /// Finds which keypoints of two images show the same point.
@@ -209,6 +234,7 @@ mod tests {
                 DVec2::new(5.0, 6.0),
             ],
             scales_px: vec![1.0, 2.0, 3.0],
+            orientations: vec![0.1, 0.2, 0.3],
             scores: Vec::new(),
             descriptors: Descriptors::Bytes {
                 dim: 2,
@@ -224,6 +250,7 @@ mod tests {
             some.keypoints,
             [features.keypoints[2], features.keypoints[0]]
         );
+        assert_eq!(some.orientations, [0.3, 0.1]);
         assert!(some.scores.is_empty());
         assert_eq!(some.descriptors.as_bytes(), Some(&[30, 31, 10, 11][..]));
     }

@@ -37,7 +37,7 @@ pub use features::{
 pub use groups::CameraGroups;
 pub use mapper::{FirstPairRequirement, Mapped, MapperOptions, ModelStart, Refusal, extend, map};
 pub use pairs::{MatchedImages, PairOptions, TriedPair, choose_pairs, match_pairs};
-pub use pipeline::{planned_stages, structure_from_motion};
+pub use pipeline::{CONTRADICTORY, planned_stages, structure_from_motion};
 pub use problem::{
     Correspondences, IntrinsicsPrior, KeypointId, MapCamera, MapImage, MapProblem, ModelPoint,
     SparseModel, VerifiedPair,

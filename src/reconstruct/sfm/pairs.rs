@@ -250,6 +250,7 @@ mod tests {
             height: 10,
             keypoints: vec![DVec2::ZERO; 100],
             scales_px: Vec::new(),
+            orientations: Vec::new(),
             scores: Vec::new(),
             descriptors: Descriptors::Bytes {
                 dim: 8,

@@ -106,6 +106,7 @@ pub fn structure_from_motion(
             .map(|mapped| mapped.model.placed().count())
             .collect(),
         scale: None,
+        contradiction: kept.contradiction,
         warnings: contradicted(kept).into_iter().collect(),
         methods: [request.extractor.name(), request.matcher.name()],
         stopped: kept.stopped,
@@ -130,7 +131,7 @@ pub fn structure_from_motion(
 /// Contradiction above which cameras may be wrong.
 ///
 /// Cameras of eight sets that are right as far as is known had 0.003–0.082, wrong ones of a shelf 0.20.
-const CONTRADICTORY: f64 = 0.15;
+pub const CONTRADICTORY: f64 = 0.15;
 
 /// Returns a warning if the matches contradict the cameras.
 fn contradicted(mapped: &Mapped) -> Option<String> {

@@ -69,6 +69,8 @@ pub struct SfmResult {
     pub models: Vec<usize>,
     /// The scale from depth maps, if the model was scaled by it.
     pub scale: Option<MetricScale>,
+    /// Share by which the matches contradict the cameras; see [`CONTRADICTORY`](super::CONTRADICTORY).
+    pub contradiction: f64,
     /// Messages that the user should know about.
     pub warnings: Vec<String>,
     /// Names of the extractor and the matcher.

@@ -5,9 +5,10 @@ use std::time::Instant;
 use anyhow::{Result, ensure};
 
 use super::found_cameras::{Cameras, Poses, calibrated, edits, is_posed, record, unplaced};
+use super::match_again::with_better_matches;
 use crate::Event;
 use crate::Session;
-use crate::engines::{extractor, identity, matcher, registration};
+use crate::engines::{extractor, identity, matcher, registration, second_matcher};
 use crate::jobs::JobContext;
 use crate::live_preview::PlacedFrames;
 use ostra_core::job::{Progress, Stopped};
@@ -21,7 +22,7 @@ use ostra_project::{Coordinates, Edit, Project, ReconstructRequest, ResultRecord
 use ostra_reconstruct::rgbd::{RgbdOptions, RgbdRequest, calibrate, register_rgbd};
 use ostra_reconstruct::sfm::{
     CachedExtractor, CachedMatcher, FeatureCache, FeatureExtractor, FeatureMatcher, MapperOptions,
-    PairOptions, SfmRequest, SfmResult, structure_from_motion,
+    PairOptions, SfmRequest, planned_stages, structure_from_motion,
 };
 
 /// Method that finds cameras.
@@ -111,7 +112,7 @@ impl CameraWork {
         let limit_bytes = self.request.cache_limit_bytes();
         let cache = FeatureCache::open(feature_cache_path(&self.root), limit_bytes);
         let result: Cameras = match self.finder {
-            Finder::Sfm(_) => self.by_motion(poses, &cache, &context.progress)?.into(),
+            Finder::Sfm(_) => self.by_motion(poses, &cache, &context.progress)?,
             Finder::Rgbd => self.by_depth(context)?,
         };
         let of_cache = cache.save();
@@ -190,7 +191,7 @@ impl CameraWork {
         poses: Poses,
         cache: &FeatureCache,
         progress: &Progress,
-    ) -> Result<SfmResult> {
+    ) -> Result<Cameras> {
         let (project, request) = (&self.project, &self.request);
         let by = identity(self.extractor.name(), &format!("{:?}", request.max_side));
         let extractor = CachedExtractor {
@@ -237,8 +238,24 @@ impl CameraWork {
             },
             mapper: MapperOptions::default(),
         };
-        structure_from_motion(&sfm_request, &self.store, progress)
-            .map_err(|error| anyhow::anyhow!(error))
+        let first = structure_from_motion(&sfm_request, &self.store, progress);
+        let second = || second_matcher(request.matcher, request.features);
+        let best = with_better_matches(first, second, |network| {
+            let has_depth = frames.iter().any(Frame::has_sensor_depth);
+            progress.plan_next(&planned_stages(mapped.len(), located.len(), has_depth));
+            let by = identity(network.name(), "");
+            let matcher = CachedMatcher {
+                matcher: network,
+                identity: &by,
+                cache,
+            };
+            let sfm_request = SfmRequest {
+                matcher: &matcher,
+                ..sfm_request
+            };
+            structure_from_motion(&sfm_request, &self.store, progress)
+        })?;
+        Ok(best.into())
     }
 }
 

@@ -1,5 +1,6 @@
 //! Results of structure from motion and registration as edits and records of the project.
 
+use super::match_again::BestMatched;
 use ostra_core::statistics::upper_median;
 use ostra_frames::cameras::SparsePoints;
 use ostra_frames::{Frame, FrameCamera};
@@ -81,6 +82,17 @@ impl From<SfmResult> for Cameras {
             warnings,
             stopped,
         }
+    }
+}
+
+impl From<BestMatched> for Cameras {
+    fn from(best: BestMatched) -> Self {
+        let mut cameras = Self::from(best.result);
+        if let Some(report) = best.report {
+            cameras.settings += &format!("; {report}");
+        }
+        cameras.warnings.extend(best.advice);
+        cameras
     }
 }
 

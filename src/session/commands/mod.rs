@@ -14,6 +14,7 @@ mod ground;
 mod instances;
 mod labels;
 mod masks;
+mod match_again;
 mod open;
 mod paint;
 mod prompt;

@@ -17,7 +17,7 @@ fn every_network_has_files_and_known_elements() {
         .collect();
     let expected = "onnxruntime sam-vit-b mobile-sam sam2.1-tiny sam2.1-small sam2.1-base-plus sam2.1-large \
                     efficient-sam grounding-dino xmem deaot superpoint superglue-indoor superglue-outdoor xfeat \
-                    lighterglue yolox";
+                    lighterglue aliked aliked-lightglue sift-lightglue yolox";
     assert_eq!(names.join(" "), expected);
     for entry in catalogue.entries() {
         assert_eq!(
@@ -113,6 +113,26 @@ fn addresses_have_https_and_complete_digests() {
         }
     }
     assert!(count > 15);
+}
+
+#[test]
+fn every_download_has_a_size() {
+    let catalogue = Catalogue::bundled().unwrap();
+    let entries = catalogue.entries().iter();
+    let variants = entries.flat_map(|entry| entry.variants().iter().map(move |one| (entry, one)));
+    for (entry, variant) in variants.filter(|(_, variant)| variant.has_address()) {
+        let sizes = [variant.download_bytes(), variant.about_bytes()];
+        assert_eq!(
+            sizes.iter().flatten().count(),
+            1,
+            "{}: {sizes:?}",
+            entry.name
+        );
+    }
+    let aliked = catalogue.entry("aliked").unwrap();
+    let [n16rot, n32] = [0, 1].map(|at| &aliked.variants()[at]);
+    assert_eq!(n16rot.download_bytes(), Some(2_997_054));
+    assert_eq!(n32.about_bytes(), Some(4_000_000));
 }
 
 #[test]

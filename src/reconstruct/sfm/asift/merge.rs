@@ -80,6 +80,7 @@ fn square(at_px: DVec2) -> [i64; 2] {
 fn add(features: &mut Features, from: &Features, index: usize) {
     features.keypoints.push(from.keypoints[index]);
     features.scales_px.extend(from.scales_px.get(index));
+    features.orientations.extend(from.orientations.get(index));
     features.scores.extend(from.scores.get(index));
     match (&mut features.descriptors, &from.descriptors) {
         (Descriptors::Bytes { dim, values }, Descriptors::Bytes { values: others, .. }) => {

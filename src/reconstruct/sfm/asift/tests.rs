@@ -7,7 +7,9 @@ use rand_pcg::Pcg64Mcg;
 use super::view::TiltedView;
 use super::*;
 use crate::sfm::matching::NearestMatcher;
-use crate::sfm::{Descriptors, FeatureExtractor, FeatureMatcher, Features, ImageFeatures, Sift};
+use crate::sfm::{
+    Descriptors, FeatureError, FeatureExtractor, FeatureMatcher, Features, ImageFeatures, Sift,
+};
 
 const SIDE: usize = 320;
 
@@ -156,6 +158,42 @@ fn tilted_view_matches_foreshortened_content() {
     );
 }
 
+/// Finds two keypoints, of which the first one points to the second one.
+struct Pointing;
+
+impl FeatureExtractor for Pointing {
+    fn name(&self) -> &'static str {
+        "pointing"
+    }
+
+    fn extract(
+        &self,
+        _: &[f32],
+        width: usize,
+        height: usize,
+        _: Option<&[bool]>,
+    ) -> Result<Features, FeatureError> {
+        let mut found = image(&[[40.0, 50.0], [52.0, 41.0]]).features;
+        (found.width, found.height) = (width as u32, height as u32);
+        found.orientations = vec![(-9f32).atan2(12.0).rem_euclid(std::f32::consts::TAU), 0.0];
+        Ok(found)
+    }
+}
+
+#[test]
+fn orientations_in_views_are_turned_into_the_image() {
+    for tilt in Tilt::all() {
+        let found = tilted_features(&Pointing, &spotted(4), [SIDE, SIDE], None, tilt).unwrap();
+        let along = found.keypoints[1] - found.keypoints[0];
+        let expected = along.to_angle().rem_euclid(std::f64::consts::TAU);
+        let angle = f64::from(found.orientations[0]);
+        assert!(
+            (angle - expected).abs() < 1e-5,
+            "{tilt:?}: {angle} {expected}"
+        );
+    }
+}
+
 #[test]
 fn features_lie_only_in_allowed_pixels() {
     let allowed: Vec<bool> = (0..SIDE * SIDE).map(|i| i % SIDE < SIDE / 2).collect();
@@ -190,6 +228,7 @@ fn image(places: &[[f64; 2]]) -> ImageFeatures {
         height: 100,
         keypoints: places.iter().map(|&at| at.into()).collect(),
         scales_px: vec![1.0; places.len()],
+        orientations: vec![0.0; places.len()],
         scores: Vec::new(),
         descriptors: Descriptors::Bytes {
             dim: 2,

@@ -1,5 +1,7 @@
 //! Simulated tilted views of an image, and the features found in them.
 
+use std::f64::consts::TAU;
+
 use glam::{DMat2, DVec2};
 use rayon::prelude::*;
 
@@ -131,6 +133,12 @@ impl TiltedView {
         self.original_from_view * at_px + self.origin
     }
 
+    /// Returns the direction in the image of a direction in the view, both in radians, 0–2π.
+    fn original_direction(&self, angle: f32) -> f32 {
+        let along = self.original_from_view * DVec2::from_angle(f64::from(angle));
+        along.to_angle().rem_euclid(TAU) as f32
+    }
+
     /// Returns whether a position in the view lies in the image.
     pub fn shows(&self, at_px: DVec2) -> bool {
         let at = self.original(at_px);
@@ -204,6 +212,11 @@ pub fn tilted_features(
             .keypoints
             .iter()
             .map(|&at_px| view.original(at_px))
+            .collect(),
+        orientations: found
+            .orientations
+            .iter()
+            .map(|&angle| view.original_direction(angle))
             .collect(),
         ..found
     })

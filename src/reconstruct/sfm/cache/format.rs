@@ -9,7 +9,7 @@ pub(super) type Key = [u8; 32];
 /// First bytes of a file: its kind and the version of its layout.
 pub(super) type Kind = [u8; 8];
 /// First bytes of a file with the features of an image.
-const FEATURES: &Kind = b"OSTRAFT2";
+const FEATURES: &Kind = b"OSTRAFT3";
 /// Length of the digest at the end of a file, in bytes.
 const DIGEST: usize = 32;
 
@@ -54,6 +54,7 @@ fn extend_with(features: &Features, bytes: &mut Vec<u8>) {
     let counts = [
         features.keypoints.len(),
         features.scales_px.len(),
+        features.orientations.len(),
         features.scores.len(),
         dim,
     ];
@@ -78,6 +79,7 @@ fn extend_with(features: &Features, bytes: &mut Vec<u8>) {
         features
             .scales_px
             .iter()
+            .chain(&features.orientations)
             .chain(&features.scores)
             .flat_map(|value| value.to_le_bytes()),
     );
@@ -110,14 +112,16 @@ fn kept_features(mut values: Reader<'_>) -> Option<KeptFeatures> {
 
 fn features(mut values: Reader<'_>) -> Option<Features> {
     let [width, height, is_floats] = [values.u32()?, values.u32()?, values.u32()?];
-    let [count, scales, scores, dim] = [
+    let [count, scales, orientations, scores, dim] = [
+        values.count()?,
         values.count()?,
         values.count()?,
         values.count()?,
         values.count()?,
     ];
     let sizes = [0, count];
-    if !sizes.contains(&scales) || !sizes.contains(&scores) || is_floats > 1 {
+    let optional = [scales, orientations, scores];
+    if !optional.iter().all(|count| sizes.contains(count)) || is_floats > 1 {
         return None;
     }
     let places = values.f64s(count.checked_mul(2)?)?;
@@ -125,7 +129,8 @@ fn features(mut values: Reader<'_>) -> Option<Features> {
         .chunks_exact(2)
         .map(|at| DVec2::new(at[0], at[1]))
         .collect();
-    let (scales_px, scores) = (values.f32s(scales)?, values.f32s(scores)?);
+    let (scales_px, orientations) = (values.f32s(scales)?, values.f32s(orientations)?);
+    let scores = values.f32s(scores)?;
     let described = count.checked_mul(dim)?;
     let descriptors = match is_floats {
         0 => Descriptors::Bytes {
@@ -143,6 +148,7 @@ fn features(mut values: Reader<'_>) -> Option<Features> {
         height,
         keypoints,
         scales_px,
+        orientations,
         scores,
         descriptors,
     })

@@ -5,9 +5,10 @@ use sha2::{Digest, Sha256};
 
 use super::format::Key;
 use crate::sfm::Features;
+use ostra_frames::Image;
 
 /// Increase this when the same input gives other features, matches or geometry than before.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// Starts a digest with the names, each preceded by its length, so that no two lists give the same bytes.
 pub(super) fn begun(names: &[&str]) -> Sha256 {
@@ -35,6 +36,15 @@ pub(super) fn pixels_key(
     digest.finalize().into()
 }
 
+/// Returns the key of the features of a colour image.
+pub(super) fn color_key(names: &[&str], image: &Image, allowed: Option<&[bool]>) -> Key {
+    let mut digest = begun(names);
+    digest.update(format!("{}×{} RGB ", image.width, image.height));
+    digest.update(image.pixels.as_flattened());
+    extend_with_allowed(&mut digest, allowed);
+    digest.finalize().into()
+}
+
 /// Adds the pixels where features may lie.
 pub(super) fn extend_with_allowed(digest: &mut Sha256, allowed: Option<&[bool]>) {
     digest.update([u8::from(allowed.is_some())]);
@@ -52,6 +62,7 @@ pub(super) fn are_of(features: &Features, width: usize, height: usize) -> bool {
         && features
             .scales_px
             .iter()
+            .chain(&features.orientations)
             .chain(&features.scores)
             .all(|value| value.is_finite())
         && features

@@ -43,6 +43,7 @@ impl FeatureExtractor for Worker {
                 .map(|x| DVec2::new(x as f64 + 0.25, 1.0 / 3.0))
                 .collect(),
             scales_px: vec![1.5; width],
+            orientations: vec![0.5; width],
             scores: Vec::new(),
             descriptors: Descriptors::Floats {
                 dim: 2,

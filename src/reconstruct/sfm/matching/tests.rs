@@ -12,6 +12,7 @@ fn features(descriptors: Descriptors) -> Features {
         height: 1,
         keypoints,
         scales_px: Vec::new(),
+        orientations: Vec::new(),
         scores: Vec::new(),
         descriptors,
     }

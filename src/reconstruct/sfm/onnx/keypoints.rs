@@ -126,7 +126,6 @@ impl<'a> NetworkImage<'a> {
         most: usize,
         around: f32,
     ) -> Vec<DetectedKeypoint> {
-        let around = around * self.shown.original_from_here.max_element() as f32;
         let mut found: Vec<DetectedKeypoint> = found
             .filter(|found| self.allows(found.at, around))
             .collect();
@@ -135,7 +134,11 @@ impl<'a> NetworkImage<'a> {
         found
     }
 
-    fn allows(&self, at: DVec2, around: f32) -> bool {
+    /// Returns whether a keypoint may lie at a position in the prepared image.
+    ///
+    /// It is described by `around` pixels of the prepared image and stays that far from a bar.
+    pub fn allows(&self, at: DVec2, around: f32) -> bool {
+        let around = around * self.shown.original_from_here.max_element() as f32;
         let px = at * self.shown.original_from_here;
         let (x, y) = (
             (px.x as usize).min(self.size.width - 1),
@@ -167,6 +170,7 @@ impl<'a> NetworkImage<'a> {
                 .map(|found| found.at * self.shown.original_from_here)
                 .collect(),
             scales_px: Vec::new(),
+            orientations: Vec::new(),
             scores: found.iter().map(|found| found.score).collect(),
             descriptors: Descriptors::Floats { dim, values },
         }

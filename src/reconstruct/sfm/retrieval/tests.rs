@@ -40,6 +40,7 @@ fn images(bytes: bool) -> Vec<Features> {
                 height: 1,
                 keypoints: vec![glam::DVec2::ZERO; 300],
                 scales_px: Vec::new(),
+                orientations: Vec::new(),
                 scores: Vec::new(),
                 descriptors,
             }

@@ -117,6 +117,11 @@ impl FeatureExtractor for Sift {
                 .iter()
                 .map(|keypoint| keypoint.scale_px)
                 .collect(),
+            orientations: found
+                .keypoints
+                .iter()
+                .map(|keypoint| keypoint.angle)
+                .collect(),
             scores: Vec::new(),
             descriptors: Descriptors::Bytes {
                 dim: 128,

@@ -1,5 +1,6 @@
 //! Tests of learned features.
 
+mod lightglue;
 mod pair;
 mod parts;
 mod superglue;

@@ -280,6 +280,7 @@ fn descriptors_of_another_kind_are_refused() {
         height: 4,
         keypoints: vec![glam::DVec2::ONE],
         scales_px: Vec::new(),
+        orientations: Vec::new(),
         scores: Vec::new(),
         descriptors: Descriptors::Bytes {
             dim: 128,

@@ -159,6 +159,7 @@ impl Folder {
                 .map(place)
                 .collect(),
             scales_px: Vec::new(),
+            orientations: Vec::new(),
             scores: self.tensor(&of.scores).to_vec(),
             descriptors: Descriptors::Floats {
                 dim: of.descriptors.shape[1],

@@ -1,6 +1,8 @@
 use super::super::{SiftFeatures, SiftOptions, extract_sift};
 use super::{Blob, painted, strewn};
-use glam::Vec2;
+use crate::sfm::{FeatureExtractor, Sift};
+use glam::{DVec2, Vec2};
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 /// Returns the same spots rotated by `angle` and magnified about the image's centre.
 fn turned(blobs: &[Blob], centre: Vec2, angle: f32, scale: f32) -> Vec<Blob> {
@@ -119,4 +121,33 @@ fn descriptors_are_square_roots_of_shares() {
             .sqrt();
         assert!((length - 512.0).abs() < 8.0, "{length}");
     }
+}
+
+#[test]
+fn orientations_of_features_turn_with_the_image() {
+    let side = 240;
+    let grey = painted(&strewn(200, side, side), side, side);
+    // A quarter turn from the x axis towards the y axis.
+    let turned: Vec<f32> = (0..side * side)
+        .map(|at| grey[(side - 1 - at % side) * side + at / side])
+        .collect();
+    let [first, second] =
+        [&grey, &turned].map(|grey| Sift::default().extract(grey, side, side, None).unwrap());
+    assert_eq!(first.orientations.len(), first.keypoints.len());
+    let turn = |from: f32, to: f32| (to - from - FRAC_PI_2 + PI).rem_euclid(TAU) - PI;
+    let (mut again, mut turned) = (0, 0);
+    for (at, &angle) in first.keypoints.iter().zip(&first.orientations) {
+        let expected = DVec2::new(side as f64 - at.y, at.x);
+        let there = second.keypoints.iter().zip(&second.orientations);
+        let near: Vec<f32> = there
+            .filter(|(at, _)| at.distance(expected) < 0.3)
+            .map(|(_, &other)| other)
+            .collect();
+        again += usize::from(!near.is_empty());
+        turned += usize::from(near.iter().any(|&other| turn(angle, other).abs() < 0.1));
+    }
+    assert!(
+        again > 100 && 10 * turned > 9 * again,
+        "{turned} of {again}"
+    );
 }
