@@ -389,7 +389,6 @@ fn texts_of_the_status_line_do_not_overlap() {
         let mut texts: Vec<Rect> = harness
             .root()
             .children_recursive()
-            .into_iter()
             .filter(|node| {
                 let node = node.accesskit_node();
                 let is_text = matches!(node.role(), Role::Label | Role::Button);
