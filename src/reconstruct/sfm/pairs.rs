@@ -165,7 +165,7 @@ pub fn match_pairs(
     progress: &Progress,
 ) -> Result<Vec<TriedPair>, SfmError> {
     let done = AtomicUsize::new(0);
-    let matcher = matcher.of_pairs(images.features, pairs)?;
+    let matcher = matcher.of_set(images.features)?;
     let tried = pairs.par_iter().map(|&(first, second)| {
         let matches = matcher(first, second)?;
         let tried = verify(

@@ -169,7 +169,7 @@ fn matched_tracks(
     progress.stage("match")?;
     let features: Vec<&Features> = views.iter().map(|view| &view.features).collect();
     let pairs = choose_pairs(&features, &vec![0; views.len()], &PairOptions::default());
-    let matches = matcher.of_pairs(&features, &pairs)?;
+    let matches = matcher.of_set(&features)?;
     let mut tracks = Tracks::new(features.iter().map(|features| features.keypoints.len()));
     let agreeing = |&(first, second): &(usize, usize)| {
         progress.check()?;
