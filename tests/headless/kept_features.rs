@@ -151,6 +151,7 @@ impl FeatureMatcher for StoppingMatcher {
 fn run_with(
     photos: &Path,
     cache: &Path,
+    pairs: PairOptions,
     stop_after: usize,
 ) -> (Result<SfmResult, SfmError>, usize) {
     let request = OpenRequest {
@@ -187,26 +188,31 @@ fn run_with(
         extractor: &extractor,
         cached: Some(&extractor),
         matcher: &matcher,
-        pairs: PairOptions::default(),
+        pairs,
         mapper: MapperOptions::default(),
     };
     let result = structure_from_motion(&request, &FrameStore::new(16 << 20), &progress);
     (result, stopping.pairs.load(Ordering::Relaxed))
 }
 
-#[test]
-fn run_stopped_in_the_middle_of_matching_ends_with_the_same_result() {
-    let photos = Photos::new(7);
+/// Checks that a run that was stopped while matching does the rest when it is repeated, with the same result.
+///
+/// `matched` says whether a number of pairs is the expected one.
+fn check_stopped_run(photos: &Photos, pairs: &PairOptions, matched: impl Fn(usize) -> bool) {
     let (images, scratch) = (photos.path("color"), photos.path("caches"));
     std::fs::create_dir(&scratch).unwrap();
     let [of_whole, of_stopped] = ["whole", "stopped"].map(|name| Path::new(&scratch).join(name));
-    let run = |cache: &Path, stop_after| run_with(Path::new(&images), cache, stop_after);
+    let run =
+        |cache: &Path, stop_after| run_with(Path::new(&images), cache, pairs.clone(), stop_after);
     let (whole, all) = run(&of_whole, 0);
     let whole = whole.unwrap();
-    assert_eq!(all, 21);
-    let (stopped, before) = run(&of_stopped, 5);
+    assert!(matched(all), "{all}");
+    let (stopped, before) = run(&of_stopped, all / 4);
     assert!(matches!(stopped, Err(SfmError::Stopped(_))), "{stopped:?}");
-    assert!((5..all).contains(&before), "{before} pairs before the stop");
+    assert!(
+        (all / 4..all).contains(&before),
+        "{before} pairs before the stop"
+    );
     let (resumed, rest) = run(&of_stopped, 0);
     let resumed = resumed.unwrap();
     assert_eq!(rest, all - before, "only the rest is matched");
@@ -214,6 +220,43 @@ fn run_stopped_in_the_middle_of_matching_ends_with_the_same_result() {
     assert_eq!(resumed.sparse, whole.sparse);
     assert_eq!(resumed.outcomes, whole.outcomes);
     assert_eq!(run(&of_stopped, 0).1, 0, "nothing is matched twice");
+}
+
+#[test]
+fn run_stopped_in_the_middle_of_matching_ends_with_the_same_result() {
+    let all_pairs = |matched| matched == 21;
+    check_stopped_run(&Photos::new(7), &PairOptions::default(), all_pairs);
+}
+
+#[test]
+fn run_stopped_between_rounds_of_matching_ends_with_the_same_result() {
+    let chosen = PairOptions {
+        exhaustive_up_to: 0,
+        window: 1,
+        alike: 1,
+        partners: 4,
+        ..PairOptions::default()
+    };
+    let first_round = 9 + 1;
+    let some_pairs = |matched| (first_round + 1..45).contains(&matched);
+    check_stopped_run(&Photos::new(10), &chosen, some_pairs);
+}
+
+#[test]
+fn photos_in_a_sequence_need_a_part_of_all_pairs() {
+    let photos = Photos::new(25);
+    let project = photos.project("project", &[]);
+    let sfm = || done_with_both(&["reconstruct", &project, "--method", "sfm"].map(str::to_owned));
+    let first = sfm();
+    assert!(first.contains("25 of 25 frames"), "{first}");
+    let again = sfm();
+    let (_, kept) = again.split_once("images and matches of ").unwrap();
+    let pairs: usize = kept.split(' ').next().unwrap().parse().unwrap();
+    assert!((25 * 4..25 * 24 / 2 * 2 / 3).contains(&pairs), "{again}");
+    assert!(
+        again.contains(&format!("matches of {pairs} of {pairs} pairs")),
+        "{again}"
+    );
 }
 
 #[test]

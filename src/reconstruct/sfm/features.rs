@@ -181,7 +181,8 @@ pub trait FeatureMatcher: Send + Sync {
 
     /// Prepares matching within a set of images; pairs are then given by index into the set.
     ///
-    /// Data that the images share is computed once.
+    /// Data that the images share is computed once, when it is first needed: the function must not
+    /// start parallel jobs for that, because it is called in such jobs.
     ///
     /// # Errors
     /// As [`Self::matches`].
@@ -189,18 +190,6 @@ pub trait FeatureMatcher: Send + Sync {
         Ok(Box::new(|first, second| {
             self.matches(images[first], images[second])
         }))
-    }
-
-    /// Prepares matching like [`Self::of_set`] when only these pairs will be requested.
-    ///
-    /// # Errors
-    /// As [`Self::matches`].
-    fn of_pairs<'a>(
-        &'a self,
-        images: &'a [&'a Features],
-        _pairs: &[(usize, usize)],
-    ) -> Result<PairMatches<'a>, FeatureError> {
-        self.of_set(images)
     }
 }
 

@@ -14,6 +14,7 @@ mod mapper;
 pub mod matching;
 mod nearby_pairs;
 pub mod onnx;
+mod pair_selection;
 mod pairs;
 mod pipeline;
 mod problem;
@@ -22,8 +23,10 @@ mod request;
 pub mod retrieval;
 mod retry_unregistered;
 mod scale;
+mod sequences;
 pub mod sift;
 mod undistort;
+mod view_graph;
 
 pub use cache::{
     CachedExtractor, CachedMatcher, FeatureCache, ImageKey, VerifiedMatches, feature_cache_bytes,
@@ -36,7 +39,8 @@ pub use features::{
 };
 pub use groups::CameraGroups;
 pub use mapper::{FirstPairRequirement, Mapped, MapperOptions, ModelStart, Refusal, extend, map};
-pub use pairs::{MatchedImages, PairOptions, TriedPair, choose_pairs, match_pairs};
+pub use pair_selection::PairOptions;
+pub use pairs::{MatchedImages, TriedPair, match_pairs};
 pub use pipeline::{CONTRADICTORY, planned_stages, structure_from_motion};
 pub use problem::{
     Correspondences, IntrinsicsPrior, KeypointId, MapCamera, MapImage, MapProblem, ModelPoint,

@@ -2,17 +2,19 @@ use std::collections::BTreeMap;
 
 use super::extract::ImageFeatures;
 use super::locate::{Located, Locator, SeenPoint};
+use super::pair_selection::match_images;
 use super::registration_report::{RegistrationReport, RegistrationStatus, why_no_start};
 use super::request::{SfmRequest, error_px, frame_cameras, sparse_points};
 use super::retry_unregistered::{Attempt, retry_unregistered};
+use super::sequences::sequences;
 use super::{
     CameraGroups, Features, KeypointId, MapImage, MapProblem, Mapped, MatchedImages, PairOptions,
-    SfmError, SfmResult, SparseModel, TriedPair, choose_pairs, map, match_pairs, metric_scale,
+    SfmError, SfmResult, SparseModel, TriedPair, map, metric_scale,
 };
 use ostra_core::job::{PlannedStage, Progress};
 use ostra_core::statistics::upper_median;
 use ostra_frames::cameras::SparseKeypoint;
-use ostra_frames::{Frame, FrameStore, ImageSource};
+use ostra_frames::{Frame, FrameStore};
 
 /// Returns the stages of [`structure_from_motion`] for so many images in the model and between.
 ///
@@ -21,12 +23,7 @@ use ostra_frames::{Frame, FrameStore, ImageSource};
 #[must_use]
 pub fn planned_stages(mapped: usize, located: usize, has_depth: bool) -> Vec<PlannedStage> {
     let stage = PlannedStage::new;
-    let options = PairOptions::default();
-    let pairs = if mapped <= options.exhaustive_up_to {
-        mapped * mapped.saturating_sub(1) / 2
-    } else {
-        mapped * (options.window + options.alike)
-    };
+    let pairs = PairOptions::default().expected_pairs(mapped);
     let (images, located, pairs) = (mapped as f64, located as f64, pairs as f64);
     let mut stages = vec![
         stage("find features", "Find features", images),
@@ -169,7 +166,6 @@ fn problem(
     progress: &Progress,
 ) -> Result<(MapProblem, Vec<TriedPair>), SfmError> {
     let features: Vec<&Features> = images.iter().map(|image| &image.features).collect();
-    let pairs = choose_pairs(&features, &sequences(chosen), &request.pairs);
     let cameras: Vec<_> = groups
         .camera_of
         .iter()
@@ -180,9 +176,10 @@ fn problem(
         cameras: &cameras,
         cache: request.cache(),
     };
-    let tried = match_pairs(
+    let tried = match_images(
         matched,
-        &pairs,
+        &sequences(chosen),
+        &request.pairs,
         request.matcher,
         request.mapper.seed,
         progress,
@@ -212,26 +209,6 @@ fn problem(
         },
         tried,
     ))
-}
-
-/// Returns the number of the folder or video that each frame comes from.
-fn sequences(frames: &[&Frame]) -> Vec<usize> {
-    let mut places = Vec::new();
-    let place = |frame: &&Frame| match &frame.image {
-        ImageSource::File { path, .. } => path.parent().unwrap_or(path).to_path_buf(),
-        ImageSource::Video { path, .. } => path.clone(),
-    };
-    let number = |frame| {
-        let place = place(frame);
-        places
-            .iter()
-            .position(|known| *known == place)
-            .unwrap_or_else(|| {
-                places.push(place);
-                places.len() - 1
-            })
-    };
-    frames.iter().map(number).collect()
 }
 
 fn registration_statuses(

@@ -384,10 +384,7 @@ impl Retry<'_> {
             Some(cached) => cached,
             None => &nearest,
         };
-        let pairs: Vec<(usize, usize)> = (0..neighbours.len())
-            .flat_map(|other| (0..views.len()).map(move |view| (view, views.len() + other)))
-            .collect();
-        let matcher = matcher.of_pairs(&set, &pairs)?;
+        let matcher = matcher.of_set(&set)?;
         let of_neighbour = |other: usize| {
             let of_view = |view: usize| {
                 progress.check()?;

@@ -11,6 +11,7 @@ mod pipeline;
 mod raster;
 mod select;
 mod sparse;
+mod sparse_pairs;
 #[cfg(test)]
 mod tests;
 

@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::error::StereoError;
 use super::raster::{raster_camera, raster_image, tones};
-use crate::sfm::{FeatureExtractor, FeatureMatcher, Features, PairOptions, choose_pairs};
+use super::sparse_pairs::pairs_to_compare;
+use crate::sfm::{FeatureExtractor, FeatureMatcher, Features};
 use ostra_core::job::{PlannedStage, Progress};
 use ostra_core::union_find::DisjointSets;
 use ostra_frames::cameras::{SparseKeypoint, SparsePoint, SparsePoints};
@@ -168,8 +169,8 @@ fn matched_tracks(
 ) -> Result<Vec<Vec<ViewKeypoint>>, StereoError> {
     progress.stage("match")?;
     let features: Vec<&Features> = views.iter().map(|view| &view.features).collect();
-    let pairs = choose_pairs(&features, &vec![0; views.len()], &PairOptions::default());
-    let matches = matcher.of_pairs(&features, &pairs)?;
+    let pairs = pairs_to_compare(&features);
+    let matches = matcher.of_set(&features)?;
     let mut tracks = Tracks::new(features.iter().map(|features| features.keypoints.len()));
     let agreeing = |&(first, second): &(usize, usize)| {
         progress.check()?;

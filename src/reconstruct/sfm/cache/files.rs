@@ -167,10 +167,6 @@ impl FeatureCache {
         found
     }
 
-    pub(super) fn has_pair(&self, key: &Key) -> bool {
-        lock(&self.matches).get(key).is_some()
-    }
-
     pub(super) fn keep_pair(&self, key: Key, matches: &Matches) {
         self.keep(&self.matches, key, matches.clone());
     }

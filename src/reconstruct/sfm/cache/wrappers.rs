@@ -99,32 +99,25 @@ impl FeatureMatcher for CachedMatcher<'_> {
     }
 
     fn matches(&self, first: &Features, second: &Features) -> Result<Matches, FeatureError> {
-        self.of_pairs(&[first, second], &[(0, 1)])?(0, 1)
+        self.of_set(&[first, second])?(0, 1)
     }
 
     fn of_set<'a>(&'a self, images: &'a [&'a Features]) -> Result<PairMatches<'a>, FeatureError> {
-        Ok(self.cached(
-            self.keys(images),
-            images,
-            Some(self.matcher.of_set(images)?),
-        ))
-    }
-
-    fn of_pairs<'a>(
-        &'a self,
-        images: &'a [&'a Features],
-        pairs: &[(usize, usize)],
-    ) -> Result<PairMatches<'a>, FeatureError> {
-        let keys = self.keys(images);
-        let mut open = pairs.to_vec();
-        open.retain(|&(first, second)| !self.cache.has_pair(&keys.of(first, second)));
-        // The shared data of a set is only computed if some pair is unknown. It is computed outside
-        // the closure, which runs in parallel: a parallel job that waits for another one can end up
-        // waiting for itself.
-        let matcher = (!open.is_empty())
-            .then(|| self.matcher.of_pairs(images, &open))
-            .transpose()?;
-        Ok(self.cached(keys, images, matcher))
+        let (keys, matcher) = (self.keys(images), self.matcher.of_set(images)?);
+        Ok(Box::new(move |first, second| {
+            let key = keys.of(first, second);
+            let counts = [images[first], images[second]].map(|one| one.keypoints.len());
+            if let Some(known) = self.cache.pair(&key) {
+                if fits(&known, counts) {
+                    return Ok(known);
+                }
+                // The cached matches do not fit the keypoints: a file was changed.
+                self.cache.note_damage();
+            }
+            let made = matcher(first, second)?;
+            self.cache.keep_pair(key, &made);
+            Ok(made)
+        }))
     }
 }
 
@@ -136,34 +129,6 @@ impl CachedMatcher<'_> {
             set.update(digests[shared]);
         }
         PairKeys { set, digests }
-    }
-
-    fn cached<'a>(
-        &'a self,
-        keys: PairKeys,
-        images: &'a [&'a Features],
-        matcher: Option<PairMatches<'a>>,
-    ) -> PairMatches<'a> {
-        Box::new(move |first, second| {
-            let key = keys.of(first, second);
-            let counts = [images[first], images[second]].map(|one| one.keypoints.len());
-            let known = self.cache.pair(&key);
-            let is_known = known.is_some();
-            if let Some(known) = known.filter(|known| fits(known, counts)) {
-                return Ok(known);
-            }
-            if is_known {
-                self.cache.note_damage();
-            }
-            let made = match &matcher {
-                Some(matcher) if !is_known => matcher(first, second)?,
-                // The cached matches do not fit the keypoints: a file was changed. The set was
-                // prepared without this pair.
-                _ => self.matcher.of_pairs(images, &[(first, second)])?(first, second)?,
-            };
-            self.cache.keep_pair(key, &made);
-            Ok(made)
-        })
     }
 }
 

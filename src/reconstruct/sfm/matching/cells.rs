@@ -1,8 +1,9 @@
 //! Descriptors sorted into cells by their nearest centres, compared cell by cell, and the best
 //! matches of each.
 
+use std::sync::OnceLock;
+
 use pulp::{Simd, WithSimd};
-use rayon::prelude::*;
 
 use super::centres::{NO_CENTRE, Value, k_means, nearest_centres};
 use super::tile::{LANES, ROWS};
@@ -132,6 +133,61 @@ pub(super) fn references(counts: impl Iterator<Item = usize>) -> Vec<usize> {
     many.take(REFERENCES).map(|(image, _)| image).collect()
 }
 
+/// The descriptors of a set of images by cell, each sorted when it is first compared.
+///
+/// Nothing here starts parallel jobs: images are compared in such jobs, and a job that waits for
+/// another one can end up waiting for itself.
+#[derive(Debug)]
+pub(super) struct SetCells<'a, T> {
+    images: Vec<&'a [T]>,
+    dim: usize,
+    /// Centres that all images share; `None` if no image has many descriptors.
+    centres: OnceLock<Option<Vec<f32>>>,
+    cells: Vec<OnceLock<DescriptorCells>>,
+}
+
+impl<'a, T: Value> SetCells<'a, T> {
+    /// Creates the cells of images with `dim` values per descriptor.
+    pub fn new(images: Vec<&'a [T]>, dim: usize) -> Self {
+        let cells = images.iter().map(|_| OnceLock::new()).collect();
+        Self {
+            images,
+            dim,
+            centres: OnceLock::new(),
+            cells,
+        }
+    }
+
+    /// Returns the descriptors of an image.
+    pub fn values(&self, image: usize) -> &'a [T] {
+        self.images[image]
+    }
+
+    /// Returns the descriptors of an image by cell; there is a single cell without centres.
+    pub fn of(&self, image: usize) -> &DescriptorCells {
+        let values = self.images[image];
+        self.cells[image].get_or_init(|| {
+            let centres = self.centres.get_or_init(|| self.find_centres());
+            match centres {
+                Some(centres) => DescriptorCells::around(centres, values, self.dim),
+                None => DescriptorCells::one((values.len() / self.dim) as u32),
+            }
+        })
+    }
+
+    fn find_centres(&self) -> Option<Vec<f32>> {
+        let counts = self.images.iter().map(|values| values.len() / self.dim);
+        let chosen: Vec<&[T]> = references(counts)
+            .into_iter()
+            .map(|image| self.images[image])
+            .collect();
+        let most = chosen.iter().map(|values| values.len() / self.dim).max()?;
+        let count = (most / PER_CENTRE).min(MAX_CENTRES);
+        let sample = sample(&chosen, self.dim, count * SAMPLE);
+        Some(k_means(&sample, self.dim, count, ROUNDS))
+    }
+}
+
 /// The descriptors of one image by cell.
 #[derive(Debug)]
 pub(super) struct DescriptorCells {
@@ -140,42 +196,6 @@ pub(super) struct DescriptorCells {
 }
 
 impl DescriptorCells {
-    /// Sorts descriptors of the `used` images into cells around centres that all images share.
-    ///
-    /// There is a single cell if no image has many descriptors.
-    pub fn of_set<T: Value>(images: &[&[T]], used: &[bool], dim: usize) -> Vec<Self> {
-        let chosen: Vec<&[T]> = references(images.iter().map(|values| values.len() / dim))
-            .into_iter()
-            .map(|image| images[image])
-            .collect();
-        let most = chosen.iter().map(|values| values.len() / dim).max();
-        let Some(most) = most else {
-            return images
-                .iter()
-                .map(|values| Self::one((values.len() / dim) as u32))
-                .collect();
-        };
-        let count = (most / PER_CENTRE).min(MAX_CENTRES);
-        let centres = k_means(&sample(&chosen, dim, count * SAMPLE), dim, count, ROUNDS);
-        images
-            .par_iter()
-            .zip(used)
-            .map(|(values, &used)| {
-                if used {
-                    Self::around(&centres, values, dim)
-                } else {
-                    Self::empty()
-                }
-            })
-            .collect()
-    }
-
-    fn empty() -> Self {
-        Self {
-            members: [Vec::new(), Vec::new()],
-        }
-    }
-
     fn one(count: u32) -> Self {
         Self {
             members: [0; 2].map(|_| vec![(0..count).collect()]),

@@ -1,6 +1,6 @@
 use pulp::Arch;
 
-use super::cells::{Comparison, DescriptorCells, Rule, references};
+use super::cells::{Comparison, Rule, SetCells, references};
 use super::centres::Value;
 use crate::sfm::{Descriptors, FeatureError, FeatureMatcher, Features, PairMatches};
 
@@ -43,18 +43,11 @@ impl NearestMatcher {
     }
 
     /// Matches pairs of images that all have descriptors of `T`; an empty image has none.
-    ///
-    /// Only `used` images occur in these pairs.
-    fn of_values<'a, T: Value + 'a>(
-        &self,
-        images: Vec<&'a [T]>,
-        used: &[bool],
-        dim: usize,
-    ) -> PairMatches<'a> {
-        let (cells, rule) = (DescriptorCells::of_set(&images, used, dim), self.rule);
+    fn of_values<'a, T: Value + 'a>(&self, images: Vec<&'a [T]>, dim: usize) -> PairMatches<'a> {
+        let (set, rule) = (SetCells::new(images, dim), self.rule);
         Box::new(move |first, second| {
-            let values = [images[first], images[second]];
-            let cells = [&cells[first], &cells[second]];
+            let values = [first, second].map(|image| set.values(image));
+            let cells = [first, second].map(|image| set.of(image));
             let [forth, back] = Arch::new().dispatch(Comparison {
                 cells,
                 values,
@@ -90,28 +83,6 @@ impl FeatureMatcher for NearestMatcher {
     }
 
     fn of_set<'a>(&'a self, images: &'a [&'a Features]) -> Result<PairMatches<'a>, FeatureError> {
-        self.of_used(images, &vec![true; images.len()])
-    }
-
-    fn of_pairs<'a>(
-        &'a self,
-        images: &'a [&'a Features],
-        pairs: &[(usize, usize)],
-    ) -> Result<PairMatches<'a>, FeatureError> {
-        let mut used = vec![false; images.len()];
-        for &(first, second) in pairs {
-            (used[first], used[second]) = (true, true);
-        }
-        self.of_used(images, &used)
-    }
-}
-
-impl NearestMatcher {
-    fn of_used<'a>(
-        &self,
-        images: &'a [&'a Features],
-        used: &[bool],
-    ) -> Result<PairMatches<'a>, FeatureError> {
         let kinds = || {
             images
                 .iter()
@@ -136,13 +107,11 @@ impl NearestMatcher {
         Ok(if is_bytes(known) {
             self.of_values(
                 all.map(|one| one.as_bytes().unwrap_or_default()).collect(),
-                used,
                 known.dim(),
             )
         } else {
             self.of_values(
                 all.map(|one| one.as_floats().unwrap_or_default()).collect(),
-                used,
                 known.dim(),
             )
         })

@@ -4,10 +4,11 @@ use tempfile::TempDir;
 
 use super::*;
 use crate::sfm::matching::NearestMatcher;
+use crate::sfm::pair_selection::match_images;
 use crate::sfm::request::SfmRequest;
 use crate::sfm::{
     CameraGroups, Features, MapImage, MapProblem, MapperOptions, MatchedImages, PairOptions, Sift,
-    choose_pairs, map, match_pairs,
+    map,
 };
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameCamera, FrameStore, OpenRequest, open};
@@ -176,7 +177,6 @@ fn attempt(request: &SfmRequest<'_>, store: &FrameStore) -> Attempt {
         .unwrap();
     let groups = CameraGroups::new(&request.frames.iter().collect::<Vec<_>>());
     let features: Vec<&Features> = images.iter().map(|extracted| &extracted.features).collect();
-    let pairs = choose_pairs(&features, &[0; 6], &request.pairs);
     let cameras: Vec<_> = groups
         .camera_of
         .iter()
@@ -187,7 +187,8 @@ fn attempt(request: &SfmRequest<'_>, store: &FrameStore) -> Attempt {
         cameras: &cameras,
         cache: None,
     };
-    let tried = match_pairs(matched, &pairs, request.matcher, 0, &progress).unwrap();
+    let options = &request.pairs;
+    let tried = match_images(matched, &[], options, request.matcher, 0, &progress).unwrap();
     let image = |features: &&Features| MapImage {
         camera: 0,
         keypoints: features.keypoints.clone(),
