@@ -53,7 +53,7 @@ pub struct Prefs {
     pub provider: Provider,
     /// Whether networks are offered where they would help.
     pub offer_networks: bool,
-    /// Whether the system tells the end of long work while another window is in use.
+    /// Whether a message of the system reports the end of long work while another window is in use.
     pub notify: bool,
     /// Whether pixels that contradict the vote of all views are highlighted.
     #[serde(alias = "contradictions")]

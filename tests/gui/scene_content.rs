@@ -212,7 +212,7 @@ fn button_shows_cameras_that_are_outside_the_view_of_a_cloud() {
     harness.run_steps(2);
     assert!(
         harness.query_by_label(CAMERAS).is_none(),
-        "nobody asked for cameras"
+        "cameras are switched off"
     );
 }
 

@@ -238,7 +238,7 @@ fn run_stopped_between_rounds_of_matching_ends_with_the_same_result() {
         ..PairOptions::default()
     };
     let first_round = 9 + 1;
-    let some_pairs = |matched| (first_round + 1..45).contains(&matched);
+    let some_pairs = |matched| matched > first_round;
     check_stopped_run(&Photos::new(10), &chosen, some_pairs);
 }
 
