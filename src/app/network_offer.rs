@@ -125,10 +125,11 @@ fn available<'a>(session: &SessionView<'a>, network: &OfferedNetwork) -> Option<
 
 /// Returns the size of a download and the licence of a network.
 fn facts(row: &ModelStatus) -> String {
-    let bytes = row.download_bytes.or(row.about_bytes);
-    let size = bytes.map_or(String::new(), |bytes| {
-        format!("{} MB, ", bytes.div_ceil(1_000_000))
-    });
+    let whole = |bytes: u64| format!("{} MB, ", bytes.div_ceil(1_000_000));
+    let about = row
+        .about_bytes
+        .map(|bytes| format!("about {}", whole(bytes)));
+    let size = row.download_bytes.map(whole).or(about).unwrap_or_default();
     format!("{size}{}", row.licence)
 }
 
@@ -270,7 +271,9 @@ pub(crate) fn text_offer_ui(
     };
     let OfferedNetwork { title, benefit, .. } = FOR_TEXT;
     ui.horizontal_wrapped(|ui| {
-        ui.weak(format!("{title} ({}) {benefit}.", facts(row)));
+        // The panel is narrow, and the heading above says what the search is for.
+        ui.weak(format!("{title} ({})", facts(row)))
+            .on_hover_text(format!("It {benefit}"));
         let install = ui
             .button("Install")
             .on_hover_text("Download it in the background; the text is searched for then");
