@@ -204,12 +204,13 @@ fn objects_are_labelled_by_keys_alone() {
     assert_eq!(harness.state().shell.view.pointer_px, Some(middle));
     press(&mut harness, Modifiers::SHIFT, Key::ArrowRight);
     press(&mut harness, Modifiers::SHIFT, Key::ArrowUp);
-    let beside = middle + DVec2::new(1.0, -1.0);
+    assert_eq!(harness.state().shell.view.frame, 0, "the frame stays");
+    let diagonal = middle + DVec2::new(1.0, -1.0);
     press(&mut harness, NONE, Key::Enter);
-    assert_eq!(clicks(&harness), [(beside, true)]);
+    assert_eq!(clicks(&harness), [(diagonal, true)]);
     press(&mut harness, NONE, Key::ArrowLeft);
     let far = harness.state().shell.view.pointer_px.unwrap();
-    assert!(far.x < beside.x && far.y == beside.y, "{far}");
+    assert!(far.x < diagonal.x && far.y == diagonal.y, "{far}");
     press(&mut harness, NONE, Key::E);
     assert_eq!(clicks(&harness).last(), Some(&(far, false)));
     for _ in 0..100 {
