@@ -8,8 +8,9 @@ use super::candidates::{CandidateOptions, candidates};
 use super::click_context::ClickContext;
 use super::graph::RegionGraph;
 use super::local_correction::Correction;
-use super::ranking::{RankedCandidates, WEIGHTS, kind_of, terms};
+use super::ranking::{ChangeExtent, RankedCandidates, WEIGHTS, kind_of, terms};
 use super::raster::Raster;
+use crate::thin::follow;
 use crate::{AnswerSize, Click, MaskError, PreparedFrame, Prompt, PxBox, Region, SegmentRequest};
 use ostra_core::job::Progress;
 use ostra_frames::Image;
@@ -20,7 +21,22 @@ pub(super) struct Prepared {
     pub graph: RegionGraph,
     pub palette: Palette,
     /// The image, if there is no depth that could separate objects.
-    pub flat: Option<Arc<Image>>,
+    pub flat: Option<FlatImage>,
+}
+
+/// An image without depth.
+pub(super) struct FlatImage {
+    pub image: Arc<Image>,
+    /// The image in the size in which it is segmented; the same one where nothing is reduced.
+    pub reduced: Arc<Image>,
+}
+
+impl FlatImage {
+    fn bytes(&self) -> usize {
+        let pixels = |image: &Arc<Image>| size_of_val(&*image.pixels);
+        let is_same = Arc::ptr_eq(&self.image, &self.reduced);
+        pixels(&self.image) + if is_same { 0 } else { pixels(&self.reduced) }
+    }
 }
 
 impl PreparedFrame for Prepared {
@@ -38,7 +54,7 @@ impl PreparedFrame for Prepared {
         // If there is a previous answer, only the last click is new.
         if let Some(previous) = previous.filter(|_| !prompt.clicks.is_empty()) {
             return Ok(match self.flat.as_ref().filter(|_| prompt.corrects) {
-                Some(image) => self.corrected(image, previous, prompt, taken),
+                Some(flat) => self.corrected(&flat.image, previous, prompt, taken),
                 None => self.refined(previous, &prompt.clicks, prompt.size, taken),
             });
         }
@@ -56,10 +72,7 @@ impl PreparedFrame for Prepared {
     }
 
     fn bytes(&self) -> usize {
-        let image = self
-            .flat
-            .as_ref()
-            .map_or(0, |image| size_of_val(&*image.pixels));
+        let image = self.flat.as_ref().map_or(0, FlatImage::bytes);
         self.raster.bytes() + self.graph.bytes() + self.palette.bytes() + image
     }
 }
@@ -139,9 +152,43 @@ impl Prepared {
             earlier
                 .iter()
                 .for_each(|click| query.add_known_click(click));
-            query.add_click(last, size);
+            let thin = match earlier {
+                [] if previous.is_empty() => self.thin_answer(last, taken),
+                _ => None,
+            };
+            if let Some(thin) = thin {
+                if !query.add_click_beside(last, size, thin.area()) {
+                    return thin;
+                }
+            } else {
+                query.add_click(last, size);
+            }
         }
         query.answer()
+    }
+
+    /// Returns the thin structure under the first click on an object, if there is a clear one.
+    ///
+    /// Regions of the graph are wider than a leaf, so that no cut between them follows it.
+    fn thin_answer(&self, click: &Click, taken: Option<&Region>) -> Option<Region> {
+        let flat = self.flat.as_ref().filter(|_| click.include)?;
+        let at = self.raster.pixel_at(click.at_px);
+        if taken.is_some_and(|taken| taken.inside[at]) {
+            return None;
+        }
+        let Raster {
+            width,
+            height,
+            factor,
+            ..
+        } = self.raster;
+        let ribbon = follow(&flat.reduced, click.at_px / factor as f64)?;
+        let mut region = ribbon.region(width as u32, height as u32, factor).ok()?;
+        region.inside[at] = true;
+        if let Some(taken) = taken {
+            region.subtract(taken);
+        }
+        Some(region)
     }
 
     fn check(&self, request: &SegmentRequest<'_>) -> Result<(), MaskError> {
@@ -277,6 +324,22 @@ impl<'a> RegionQuery<'a> {
         }
     }
 
+    /// Applies a new click for which there is an automatic answer of `area` pixels.
+    ///
+    /// Returns `false` without a change if that answer has the size.
+    fn add_click_beside(&mut self, click: &Click, size: AnswerSize, area: usize) -> bool {
+        self.note_new_click(click);
+        let area = area as f32 / self.raster.factor.pow(2) as f32;
+        let change = self
+            .context()
+            .and_then(|context| chosen_beside(&context, size, area));
+        let is_other = change.is_some();
+        if let Some(change) = change {
+            self.apply(&change, click.include);
+        }
+        is_other
+    }
+
     /// Records a new click without applying it. From now on its whole region is on one side.
     pub fn note_new_click(&mut self, click: &Click) {
         let at = self.note(click);
@@ -380,6 +443,25 @@ impl<'a> RegionQuery<'a> {
 
 /// Returns the change that the click most likely means, or one of another size.
 fn chosen(context: &ClickContext<'_>, size: AnswerSize) -> Option<Vec<bool>> {
+    change_by(context, |ranked, extents| {
+        ranked.best_of_size(&WEIGHTS, extents, size)
+    })
+}
+
+/// Returns the change of a size if the automatic answer has `area` pixels of the reduced image.
+///
+/// Returns `None` if that answer has the size.
+fn chosen_beside(context: &ClickContext<'_>, size: AnswerSize, area: f32) -> Option<Vec<bool>> {
+    change_by(context, |ranked, extents| {
+        ranked.best_beside(&WEIGHTS, extents, area, size)
+    })
+}
+
+/// Returns the candidate that `choose` picks by its index.
+fn change_by(
+    context: &ClickContext<'_>,
+    choose: impl Fn(&RankedCandidates<'_>, &[ChangeExtent]) -> Option<usize>,
+) -> Option<Vec<bool>> {
     let mut found = candidates(context, &CandidateOptions::default());
     let terms: Vec<_> = found
         .all
@@ -391,6 +473,6 @@ fn chosen(context: &ClickContext<'_>, size: AnswerSize) -> Option<Vec<bool>> {
         terms: &terms,
         shared: &found.shared,
     };
-    let best = ranked.best_of_size(&WEIGHTS, &found.extents(context), size)?;
+    let best = choose(&ranked, &found.extents(context))?;
     Some(found.all.swap_remove(best).change)
 }

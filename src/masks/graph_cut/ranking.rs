@@ -154,14 +154,7 @@ impl RankedCandidates<'_> {
         extents: &[ChangeExtent],
         size: AnswerSize,
     ) -> Option<usize> {
-        let best_among = |left: &[usize]| {
-            let terms: Vec<_> = left.iter().map(|&at| self.terms[at]).collect();
-            let shared: Vec<Vec<f32>> = left
-                .iter()
-                .map(|&a| left.iter().map(|&b| self.shared[a][b]).collect())
-                .collect();
-            best(weights, self.kind, &terms, &shared).map(|at| left[at])
-        };
+        let best_among = |left: &[usize]| self.best_among(weights, left);
         let mut automatic = best(weights, self.kind, self.terms, self.shared)?;
         if self.kind == ClickKind::First && !extents[automatic].is_plausible() {
             let plausible = (0..extents.len()).filter(|&at| extents[at].is_plausible());
@@ -169,6 +162,41 @@ impl RankedCandidates<'_> {
         }
         let areas: Vec<f32> = extents.iter().map(|extent| extent.area).collect();
         Some(sized(&areas, automatic, size, best_among))
+    }
+
+    /// Returns the best candidate of a size if an answer that is not among them is the automatic
+    /// one.
+    ///
+    /// `area` is that of the automatic answer, in pixels of the reduced image. Returns `None` if
+    /// that answer has the size.
+    pub fn best_beside(
+        &self,
+        weights: &Weights,
+        extents: &[ChangeExtent],
+        area: f32,
+        size: AnswerSize,
+    ) -> Option<usize> {
+        let automatic = extents.len();
+        let areas: Vec<f32> = extents
+            .iter()
+            .map(|extent| extent.area)
+            .chain([area])
+            .collect();
+        let at = sized(&areas, automatic, size, |left| {
+            let left: Vec<usize> = left.iter().copied().filter(|&at| at != automatic).collect();
+            self.best_among(weights, &left)
+        });
+        (at != automatic).then_some(at)
+    }
+
+    /// Returns the best of some candidates, given by their indices.
+    fn best_among(&self, weights: &Weights, left: &[usize]) -> Option<usize> {
+        let terms: Vec<_> = left.iter().map(|&at| self.terms[at]).collect();
+        let shared: Vec<Vec<f32>> = left
+            .iter()
+            .map(|&a| left.iter().map(|&b| self.shared[a][b]).collect())
+            .collect();
+        best(weights, self.kind, &terms, &shared).map(|at| left[at])
     }
 }
 

@@ -6,7 +6,7 @@ use super::depth_surfaces::{DepthSurfaces, depth_edges};
 use super::edge_map::edge_map;
 use super::graph::RegionGraph;
 use super::over_segmentation::{RegionOptions, partition};
-use super::prepared::Prepared;
+use super::prepared::{FlatImage, Prepared};
 use super::raster::{Raster, reduced_depth, reduced_image, reduction};
 use crate::lab::lab_of;
 use crate::{MaskError, PreparedFrame, Segmenter};
@@ -61,19 +61,14 @@ pub(super) fn prepare(
         return prepare_reduced(image, image, depth, factor, progress);
     }
     let depth = depth.map(|depth| reduced_depth(depth, factor));
-    prepare_reduced(
-        image,
-        &reduced_image(image, factor),
-        depth.as_ref(),
-        factor,
-        progress,
-    )
+    let reduced = Arc::new(reduced_image(image, factor));
+    prepare_reduced(image, &reduced, depth.as_ref(), factor, progress)
 }
 
 /// Computes regions on `reduced`, then transfers them to `image`, which is `factor` times as large.
 fn prepare_reduced(
     image: &Arc<Image>,
-    reduced: &Image,
+    reduced: &Arc<Image>,
     depth: Option<&DepthMap>,
     factor: usize,
     progress: &Progress,
@@ -121,7 +116,10 @@ fn prepare_reduced(
     progress.step(4, STAGES)?;
     let raster = Raster::new(image, factor, partition.of_pixel, &graph.regions, progress)?;
     progress.step(STAGES, STAGES)?;
-    let flat = depth.is_none().then(|| Arc::clone(image));
+    let flat = depth.is_none().then(|| FlatImage {
+        image: Arc::clone(image),
+        reduced: Arc::clone(reduced),
+    });
     Ok(Prepared {
         raster,
         graph,

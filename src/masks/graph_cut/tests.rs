@@ -1,4 +1,5 @@
 mod leaks;
+mod thin;
 
 use std::sync::Arc;
 

@@ -1,8 +1,10 @@
-//! Thin structures (stems, wires) from a few points along them.
+//! Thin structures (stems, wires) from one click or a few points along them.
 //!
-//! A ridge filter finds lines, a minimal path joins one point to the next, and the edges left and
-//! right of the path give its width.
+//! [`follow()`] starts at one click and follows the structure both ways. [`trace()`] needs its ends:
+//! a ridge filter finds lines and a minimal path joins one point to the next. The edges left and
+//! right of the line give its width.
 
+mod follow;
 mod path;
 mod ribbon;
 mod ridge;
@@ -10,4 +12,5 @@ mod ridge;
 mod tests;
 mod trace;
 
+pub(crate) use follow::follow;
 pub use trace::trace;

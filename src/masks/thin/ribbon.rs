@@ -24,19 +24,92 @@ const WIDTH_SIGMA_PX: f64 = 3.0;
 const SURROUNDINGS: usize = 24;
 const MOST_SWELL: (f64, f64) = (1.25, 0.5);
 
+/// Number of times the edges are measured.
+///
+/// In between, the line is moved to the middle between its edges.
+const ROUNDS: usize = 2;
+
+/// A line with its edges.
+#[derive(Debug, Clone)]
+pub(crate) struct Ribbon {
+    line: Vec<LinePoint>,
+    /// Distances of the left and the right edge from the line, pixels.
+    edges_px: [Vec<f64>; 2],
+}
+
+impl Ribbon {
+    /// Measures the edges of a line through positions that are about one pixel apart.
+    ///
+    /// Edges are searched up to `reach_px` from the line.
+    pub(super) fn fit(image: &Image, places: &[DVec2], ridges: &[Ridge], reach_px: f64) -> Self {
+        let edges_of = |line: &[LinePoint]| {
+            [-1.0, 1.0].map(|side| smooth_widths(&edge_distances(image, line, side, reach_px)))
+        };
+        let mut line = smooth_line(places, ridges);
+        let mut edges_px = edges_of(&line);
+        for _ in 1..ROUNDS {
+            let middles = line
+                .iter()
+                .enumerate()
+                .map(|(at, point)| shift(point, edges_px[0][at], edges_px[1][at]));
+            line = smooth_line(&middles.collect::<Vec<_>>(), ridges);
+            edges_px = edges_of(&line);
+        }
+        Self { line, edges_px }
+    }
+
+    /// Returns the length of the line, pixels.
+    pub fn length_px(&self) -> f64 {
+        let steps = self.line.windows(2);
+        steps
+            .map(|ends| ends[0].at_px.distance(ends[1].at_px))
+            .sum()
+    }
+
+    /// Returns the mean width, pixels.
+    pub fn mean_width_px(&self) -> f64 {
+        let sum: f64 = self.edges_px.iter().flatten().sum();
+        sum / self.line.len().max(1) as f64
+    }
+
+    /// Returns the mean contrast of the line, ΔE.
+    pub fn mean_contrast(&self) -> f32 {
+        let sum: f32 = self.line.iter().map(|point| point.ridge.contrast).sum();
+        sum / self.line.len().max(1) as f32
+    }
+
+    /// Returns the pixels of an image that is `factor` times as large as the one measured.
+    ///
+    /// # Errors
+    /// [`MaskError::Request`] for positions that are not numbers.
+    pub fn region(&self, width: u32, height: u32, factor: usize) -> Result<Region, MaskError> {
+        let factor = factor as f64;
+        let scaled = |point: &LinePoint| LinePoint {
+            at_px: point.at_px * factor,
+            ..*point
+        };
+        let line: Vec<LinePoint> = self.line.iter().map(scaled).collect();
+        let edges_px = self
+            .edges_px
+            .each_ref()
+            .map(|edge| edge.iter().map(|by| by * factor).collect::<Vec<_>>());
+        filled(width, height, &line, [&edges_px[0], &edges_px[1]])
+    }
+}
+
 /// A point of the line; neighbours are about one pixel apart.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct LinePoint {
+struct LinePoint {
     /// Position in the image, pixels.
-    pub at_px: DVec2,
+    at_px: DVec2,
     /// Unit vector across the line.
-    pub normal: DVec2,
+    normal: DVec2,
     /// Ridge at this point.
-    pub ridge: Ridge,
+    ridge: Ridge,
 }
 
 /// Returns a smooth line through positions that are about one pixel apart; the ends stay.
-pub(super) fn smooth_line(places: &[DVec2], ridges: &[Ridge]) -> Vec<LinePoint> {
+fn smooth_line(places: &[DVec2], ridges: &[Ridge]) -> Vec<LinePoint> {
     let smooth = smoothed(places, POSITION_SIGMA_PX);
     let normal = |at: usize| {
         let (before, after) = (
@@ -62,7 +135,7 @@ pub(super) fn split(path: &[PathPixel]) -> (Vec<DVec2>, Vec<Ridge>) {
 ///
 /// Takes a median of five, limits it by the surroundings (where an object of the same colour
 /// touches the line, there is no edge), and then takes a Gaussian mean.
-pub(super) fn smooth_widths(widths_px: &[f64]) -> Vec<f64> {
+fn smooth_widths(widths_px: &[f64]) -> Vec<f64> {
     let median = |at: usize, reach: usize| {
         let mut near =
             widths_px[at.saturating_sub(reach)..(at + reach + 1).min(widths_px.len())].to_vec();
@@ -107,7 +180,7 @@ fn smoothed(values: &[DVec2], sigma: f64) -> Vec<DVec2> {
 ///
 /// # Errors
 /// [`MaskError::Request`] for positions that are not numbers.
-pub(super) fn filled(
+fn filled(
     width: u32,
     height: u32,
     line: &[LinePoint],
@@ -148,12 +221,7 @@ const MOST_BEND: usize = 2;
 /// colour is the median of its neighbourhood; the edge is where half of the contrast is reached.
 /// Edges of neighbouring points are coupled by dynamic programming (Amini, Weymouth and Jain,
 /// "Using dynamic programming for solving variational problems in vision", PAMI 1990).
-pub(super) fn edge_distances(
-    image: &Image,
-    line: &[LinePoint],
-    side: f64,
-    reach_px: f64,
-) -> Vec<f64> {
+fn edge_distances(image: &Image, line: &[LinePoint], side: f64, reach_px: f64) -> Vec<f64> {
     let count = (reach_px / STEP_PX) as usize + 1;
     let cores = window_medians(
         &line
@@ -271,6 +339,6 @@ fn refined(profile: &[f32], edge: usize) -> f64 {
 }
 
 /// Moves a point along its normal to the middle between two edges.
-pub(super) fn shift(point: &LinePoint, left_px: f64, right_px: f64) -> DVec2 {
+fn shift(point: &LinePoint, left_px: f64, right_px: f64) -> DVec2 {
     point.at_px + point.normal * ((right_px - left_px) / 2.0)
 }

@@ -1,6 +1,6 @@
 use glam::DVec2;
 
-use super::trace;
+use super::{follow, trace};
 use crate::Region;
 use crate::outline::distance_to_segment;
 use ostra_frames::Image;
@@ -183,4 +183,72 @@ fn invalid_points_are_rejected_with_a_hint() {
         whole.area() >= 150,
         "an image without lines is crossed all the same"
     );
+}
+
+/// Background of a few large patches of other colours.
+fn patches() -> Vec<Drawn> {
+    vec![
+        line(&[(0.0, 20.0), (200.0, 40.0)], 70.0, [150.0, 120.0, 110.0]),
+        line(&[(170.0, 60.0), (150.0, 150.0)], 60.0, [90.0, 110.0, 190.0]),
+    ]
+}
+
+/// Returns the pixels that one click finds.
+fn followed(image: &Image, at_px: DVec2) -> Option<Region> {
+    let ribbon = follow(image, at_px)?;
+    Some(ribbon.region(image.width, image.height, 1).unwrap())
+}
+
+#[test]
+fn one_click_anywhere_finds_a_whole_curve() {
+    for width_px in [2.5, 5.0, 8.0] {
+        let drawn = arc(width_px);
+        let (clicks, truth) = ([3, 12, 21].map(|at| drawn.points[at]), drawn.region());
+        let scene: Vec<Drawn> = patches().into_iter().chain([drawn]).collect();
+        let image = image(GREY, &scene);
+        for at_px in clicks {
+            let iou = followed(&image, at_px).map_or(0.0, |found| found.iou(&truth));
+            println!("width {width_px}, click at {at_px}: IoU {iou:.3}");
+            assert!(iou > 0.8, "width {width_px}, {at_px}: {iou:.3}");
+        }
+    }
+}
+
+#[test]
+fn what_crosses_or_carries_the_structure_is_not_followed() {
+    let leaf = || {
+        line(
+            &[(60.0, 110.0), (75.0, 80.0), (100.0, 60.0), (130.0, 52.0)],
+            4.0,
+            GREEN,
+        )
+    };
+    let truth = leaf().region();
+    let stem = line(&[(60.0, 5.0), (60.0, 145.0)], 5.0, GREEN);
+    let wire = line(&[(90.0, 20.0), (125.0, 140.0)], 3.0, [200.0, 60.0, 40.0]);
+    for (name, others) in [("stem", vec![stem]), ("wire", vec![wire])] {
+        let scene: Vec<Drawn> = others.into_iter().chain([leaf()]).collect();
+        let found = followed(&image(GREY, &scene), DVec2::new(112.0, 56.8));
+        let iou = found.map_or(0.0, |found| found.iou(&truth));
+        assert!(iou > 0.7, "{name}: {iou:.3}");
+    }
+}
+
+#[test]
+fn only_slender_structures_are_found() {
+    let thick = line(&[(20.0, 75.0), (180.0, 75.0)], 40.0, GREEN);
+    let short = line(&[(80.0, 75.0), (120.0, 75.0)], 8.0, GREEN);
+    let faint = line(&[(10.0, 75.0), (190.0, 75.0)], 4.0, [136.0, 128.0, 124.0]);
+    for (name, drawn) in [("thick", thick), ("short", short), ("faint", faint)] {
+        let image = image(GREY, &[drawn]);
+        assert!(follow(&image, DVec2::new(100.0, 75.0)).is_none(), "{name}");
+    }
+    let empty = image(GREY, &[]);
+    for at_px in [
+        DVec2::ZERO,
+        DVec2::new(100.0, 75.0),
+        DVec2::new(199.9, 149.9),
+    ] {
+        assert!(follow(&empty, at_px).is_none());
+    }
 }

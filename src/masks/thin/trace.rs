@@ -1,10 +1,8 @@
 use glam::DVec2;
 
 use super::path::{PathPixel, path_between};
-use super::ribbon::{
-    LinePoint, edge_distances, filled, median, shift, smooth_line, smooth_widths, split,
-};
-use super::ridge::RidgeFilter;
+use super::ribbon::{Ribbon, median, split};
+use super::ridge::{Ridge, RidgeFilter};
 use crate::{MaskError, Region};
 use ostra_frames::Image;
 
@@ -15,11 +13,6 @@ const SAME_PX: f64 = 1.0;
 ///
 /// Bounds the part of the image that is searched.
 const MOST_APART_PX: f64 = 1500.0;
-
-/// Number of times the edges are measured.
-///
-/// In between, the line is moved to the middle between its edges.
-const ROUNDS: usize = 2;
 
 /// Returns the pixels of a thin structure (stem, wire) that runs through the points.
 ///
@@ -40,18 +33,8 @@ pub fn trace(image: &Image, points_px: &[DVec2]) -> Result<Region, MaskError> {
         path.extend(&part[usize::from(!path.is_empty()).min(part.len())..]);
     }
     let (places, ridges) = split(&path);
-    let mut line = smooth_line(&places, &ridges);
-    let reach_px = reach(&line);
-    let mut edges = edges_of(image, &line, reach_px);
-    for _ in 1..ROUNDS {
-        let middles = line
-            .iter()
-            .enumerate()
-            .map(|(at, point)| shift(point, edges[0][at], edges[1][at]));
-        line = smooth_line(&middles.collect::<Vec<_>>(), &ridges);
-        edges = edges_of(image, &line, reach_px);
-    }
-    filled(image.width, image.height, &line, [&edges[0], &edges[1]])
+    let ribbon = Ribbon::fit(image, &places, &ridges, reach(&ridges));
+    ribbon.region(image.width, image.height, 1)
 }
 
 fn checked(image: &Image, points_px: &[DVec2]) -> Result<Vec<DVec2>, MaskError> {
@@ -82,12 +65,7 @@ fn checked(image: &Image, points_px: &[DVec2]) -> Result<Vec<DVec2>, MaskError> 
 }
 
 /// Returns how far from the line edges are searched, pixels.
-fn reach(line: &[LinePoint]) -> f64 {
-    let mut half_widths: Vec<f32> = line.iter().map(|point| point.ridge.half_width_px).collect();
+fn reach(ridges: &[Ridge]) -> f64 {
+    let mut half_widths: Vec<f32> = ridges.iter().map(|ridge| ridge.half_width_px).collect();
     2.0 * f64::from(median(&mut half_widths)) + 4.0
-}
-
-/// Returns the distances of the left and the right edge, smoothed along the line.
-fn edges_of(image: &Image, line: &[LinePoint], reach_px: f64) -> [Vec<f64>; 2] {
-    [-1.0, 1.0].map(|side| smooth_widths(&edge_distances(image, line, side, reach_px)))
 }
