@@ -6,8 +6,9 @@
 //! share of answers with an IoU of at least 0.5 and that of answers which take much background: of
 //! the automatic size, of the best of all sizes, and of rules that replace an implausible answer by
 //! the best plausible one. An answer is implausible if it covers a share of the image or touches
-//! three of its borders. Objects are in two halves, for choosing a rule and for checking it. The
-//! name `tiller` chooses rendered rice plants.
+//! three of its borders. The rules choose among answers of the graph cut; thin structures are not
+//! followed for them. Objects are in two halves, for choosing a rule and for checking it. The name
+//! `tiller` chooses rendered rice plants.
 //!
 //! `corrections` tracks the first mask of each clip by flow and corrects every fourth frame with
 //! four clicks into the largest error. It prints the mean gain of IoU of the clicks of each kind.

@@ -328,6 +328,9 @@ impl<'a> RegionQuery<'a> {
     ///
     /// Returns `false` without a change if that answer has the size.
     fn add_click_beside(&mut self, click: &Click, size: AnswerSize, area: usize) -> bool {
+        if size == AnswerSize::Automatic {
+            return false;
+        }
         self.note_new_click(click);
         let area = area as f32 / self.raster.factor.pow(2) as f32;
         let change = self

@@ -66,8 +66,8 @@ pub(crate) fn follow(image: &Image, at_px: DVec2) -> Option<Ribbon> {
     let ahead = walk(image, start);
     let back = walk(image, start.reversed());
     let ends = [
-        cut_at_trunk(image, &ahead, &back),
-        cut_at_trunk(image, &back, &ahead),
+        sections_to_junction(image, &ahead, &back),
+        sections_to_junction(image, &back, &ahead),
     ];
     let reversed = back[1..ends[1]]
         .iter()
@@ -227,16 +227,16 @@ fn comes_back(sections: &[Section], next: &Section) -> bool {
         .any(|section| section.at_px.distance(next.at_px) < reach_px)
 }
 
-/// Returns how many sections of a way remain if it ends where it joins another structure.
+/// Returns how many sections of a path remain if it ends where it joins another structure.
 ///
 /// A leaf that is followed to its stem would go on along the stem. There, the stem is also seen
-/// straight behind, away from the way itself; `opposite` is the way in the other direction.
-fn cut_at_trunk(image: &Image, way: &[Section], opposite: &[Section]) -> usize {
+/// straight behind, away from the path itself; `opposite` is the path in the other direction.
+fn sections_to_junction(image: &Image, path: &[Section], opposite: &[Section]) -> usize {
     /// Where the other structure is looked for behind a section: in half widths and pixels.
     const BEHIND: (f64, f64) = (7.0, 14.0);
-    for (at, section) in way.iter().enumerate().skip(1) {
+    for (at, section) in path.iter().enumerate().skip(1) {
         let from_px = (BEHIND.0 * section.half_width_px).max(BEHIND.1);
-        let mean = way[at..way.len().min(at + 4)]
+        let mean = path[at..path.len().min(at + 4)]
             .iter()
             .map(|next| next.along)
             .sum::<DVec2>()
@@ -246,7 +246,7 @@ fn cut_at_trunk(image: &Image, way: &[Section], opposite: &[Section]) -> usize {
             ..*section
         };
         let middle = section.at_px - mean * (1.25 * from_px);
-        let aside_px = way[..at]
+        let aside_px = path[..at]
             .iter()
             .chain(opposite)
             .map(|own| own.at_px.distance(middle) - own.half_width_px)
@@ -256,41 +256,35 @@ fn cut_at_trunk(image: &Image, way: &[Section], opposite: &[Section]) -> usize {
             let offset = |own: &Section| (own.at_px - section.at_px).perp_dot(mean).abs();
             let joined = (0..at)
                 .rev()
-                .find(|&own| offset(&way[own]) > section.half_width_px);
+                .find(|&own| offset(&path[own]) > section.half_width_px);
             return joined.map_or(1, |own| own + 1);
         }
     }
-    way.len()
+    path.len()
 }
 
 /// Returns the line through sections, one point per pixel, with the edges found along it.
 fn fitted(image: &Image, sections: &[Section]) -> Ribbon {
-    let mut places = Vec::new();
-    let mut ridges = Vec::new();
-    let mut half_width_px = 0.0f64;
+    let ridge = |section: &Section| Ridge {
+        contrast: section.margin.max(LEAST_MARGIN),
+        half_width_px: section.half_width_px as f32,
+    };
+    let (mut places, mut ridges) = (Vec::new(), Vec::new());
     for ends in sections.windows(2) {
-        let count = ends[0].at_px.distance(ends[1].at_px).round().max(1.0) as usize;
+        let (from, to) = (ends[0].at_px, ends[1].at_px);
+        let count = from.distance(to).round().max(1.0) as usize;
         for step in 0..count {
-            places.push(
-                ends[0]
-                    .at_px
-                    .lerp(ends[1].at_px, step as f64 / count as f64),
-            );
-            ridges.push(Ridge {
-                contrast: ends[0].margin.max(LEAST_MARGIN),
-                half_width_px: ends[0].half_width_px as f32,
-            });
+            places.push(from.lerp(to, step as f64 / count as f64));
+            ridges.push(ridge(&ends[0]));
         }
-        half_width_px = half_width_px.max(ends[0].half_width_px);
     }
     if let Some(last) = sections.last() {
         places.push(last.at_px);
-        ridges.push(Ridge {
-            contrast: last.margin.max(LEAST_MARGIN),
-            half_width_px: last.half_width_px as f32,
-        });
-        half_width_px = half_width_px.max(last.half_width_px);
+        ridges.push(ridge(last));
     }
-    let reach_px = 1.5 * half_width_px + 3.0;
-    Ribbon::fit(image, &places, &ridges, reach_px)
+    let widest_px = sections
+        .iter()
+        .map(|section| section.half_width_px)
+        .fold(0.0, f64::max);
+    Ribbon::fit(image, &places, &ridges, 1.5 * widest_px + 3.0)
 }
