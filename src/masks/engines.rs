@@ -72,8 +72,22 @@ pub trait PreparedFrame: Send + Sync {
         Ok(None)
     }
 
+    /// Returns which segmenter answers a request and why, if the frame chooses among several.
+    fn source(&self, _request: &SegmentRequest<'_>) -> Option<AnswerSource> {
+        None
+    }
+
     /// Returns the memory used in bytes, for the cache of prepared frames.
     fn bytes(&self) -> usize;
+}
+
+/// The segmenter that answers a request, and why it was chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct AnswerSource {
+    /// Name on the command line, e.g. `geometry`.
+    pub segmenter: &'static str,
+    /// Reason in a few words, e.g. `a solid object`.
+    pub reason: &'static str,
 }
 
 /// An object found without a prompt.

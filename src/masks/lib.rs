@@ -90,8 +90,8 @@ pub use edit::{
     tidy, transfer,
 };
 pub use engines::{
-    Direction, GroundRequest, Grounded, PreparedFrame, Proposal, SegmentRequest, Segmenter,
-    TextGrounder, TrackRequest, TrackedFrame, Tracker,
+    AnswerSource, Direction, GroundRequest, Grounded, PreparedFrame, Proposal, SegmentRequest,
+    Segmenter, TextGrounder, TrackRequest, TrackedFrame, Tracker,
 };
 pub use error::MaskError;
 pub use formats::{

@@ -12,8 +12,8 @@ use crate::{Edit, FrameMask, Project, PromptRequest};
 use ostra_core::job::Progress;
 use ostra_frames::Image;
 use ostra_masks::{
-    AnswerSize, Click, LabelAnswer, LabelId, LabelMask, LabelTree, PreparedFrame, Prompt, PxBox,
-    Region, SegmentRequest, compose, erase, landmarks, obey, taken_by_others,
+    AnswerSize, AnswerSource, Click, LabelAnswer, LabelId, LabelMask, LabelTree, PreparedFrame,
+    Prompt, PxBox, Region, SegmentRequest, compose, erase, landmarks, obey, taken_by_others,
 };
 
 /// The meaning of a prompt on a frame, given the frame's mask, prompts and labels.
@@ -145,13 +145,30 @@ impl PromptMeaning {
         image: &Image,
         progress: &Progress,
     ) -> Result<Region> {
-        let mut answer = None;
+        let (answer, _) = self.segment_with_source(ready, image, progress)?;
+        Ok(answer)
+    }
+
+    /// Segments as [`Self::segment`], and returns which segmenter answered the last click or box if
+    /// the frame chose among several.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::segment`].
+    pub fn segment_with_source(
+        &self,
+        ready: &dyn PreparedFrame,
+        image: &Image,
+        progress: &Progress,
+    ) -> Result<(Region, Option<AnswerSource>)> {
+        let (mut answer, mut source) = (None, None);
         for query in &self.queries {
             let request = SegmentRequest {
                 prompt: &query.prompt,
                 previous: answer.as_ref().or(self.previous.as_ref()),
                 taken: query.taken.as_ref(),
             };
+            source = ready.source(&request);
             answer = Some(ready.segment(&request, progress)?);
         }
         let mut answer = answer.context("the prompt is empty; add a click or a box")?;
@@ -164,7 +181,7 @@ impl PromptMeaning {
         }
         let taken = self.queries.last().and_then(|query| query.taken.as_ref());
         obey(&mut answer, &self.prompt.clicks, taken, image);
-        Ok(answer)
+        Ok((answer, source))
     }
 
     /// Returns whether pixels outside new boxes are kept, because they were not made by prompts.

@@ -20,7 +20,9 @@ impl Session {
             self.record_begun(&command);
         }
         match begun.and_then(|id| self.jobs.get_mut(id)) {
-            Some(job) => job.command = Some(command),
+            Some(job) => {
+                job.command.get_or_insert(command);
+            }
             None => self.record(Some(command)),
         }
         Ok(begun)

@@ -237,8 +237,7 @@ impl Session {
             return;
         };
         let Ok(project) = self.snapshot() else { return };
-        let geometry = self.prompting.geometry_for(&project.frames, &self.store);
-        let Ok(segmenter) = engines::previewer(request.segmenter, geometry) else {
+        let Some(segmenter) = self.preview_segmenter(&project, &request) else {
             return;
         };
         let tools = PromptTools {

@@ -121,7 +121,11 @@ const SAM: &str = "a Segment Anything network (mobile-sam, sam-vit-b, sam2.1-tin
 impl EngineId for SegmenterId {
     const KIND: EngineKind = EngineKind::Segmenter;
     const TABLE: &'static [EngineSpec<Self>] = &[
-        spec(Self::Auto, "nothing; uses the best installed one", always),
+        spec(
+            Self::Auto,
+            "nothing; takes an installed one that fits frame and click",
+            always,
+        ),
         network_spec(Self::Sam, SAM, &SAM_NETWORKS, || sam_network().is_some()),
         network_spec(Self::SamClose, SAM, &SAM_NETWORKS, || {
             sam_network().is_some()

@@ -30,10 +30,10 @@ use ostra_tracking::flow::{DenseFeatures, FlowTracker};
 use ostra_tracking::{
     geometric_consistency::{ConsistencyOptions, ConsistencyTracker},
     reprojection::GeometryTracker,
-    supervoxels::GeometrySegmenter,
+    supervoxels::{FittingSegmenter, GeometrySegmenter},
 };
 
-/// Creates a segmenter.
+/// Creates a segmenter for boxes and proposals on single frames; `auto` is the best installed one.
 ///
 /// `geometry` is the geometry segmenter of the frames to be segmented.
 ///
@@ -57,6 +57,30 @@ fn made(segmenter: SegmenterId, geometry: Arc<GeometrySegmenter>) -> Arc<dyn Seg
         (Geometry, _) => geometry,
         (Auto | Sam | SamClose, None) | (Builtin, _) => Arc::new(BuiltinSegmenter),
     }
+}
+
+/// Creates a segmenter for clicks; `auto` fits the frame and what is clicked on it.
+///
+/// # Errors
+///
+/// Returns an error if the segmenter is not installed.
+pub fn click_segmenter(
+    id: SegmenterId,
+    geometry: Arc<GeometrySegmenter>,
+) -> Result<Arc<dyn Segmenter>> {
+    match fitting_segmenter(id, &geometry) {
+        Some(fitting) => Ok(Arc::new(fitting)),
+        None => segmenter(id, geometry),
+    }
+}
+
+/// Creates the segmenter that chooses for each click, if this is what the name stands for.
+pub(crate) fn fitting_segmenter(
+    id: SegmenterId,
+    geometry: &Arc<GeometrySegmenter>,
+) -> Option<FittingSegmenter> {
+    let chooses = id == SegmenterId::Auto && sam_network().is_none();
+    chooses.then(|| FittingSegmenter(Arc::clone(geometry)))
 }
 
 /// Creates the segmenter `geometry` for some frames.

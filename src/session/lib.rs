@@ -38,6 +38,7 @@
 mod act;
 mod background;
 mod background_jobs;
+mod click_segmenter;
 mod command;
 pub mod commands;
 mod drawings;

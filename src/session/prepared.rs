@@ -1,15 +1,15 @@
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use anyhow::Result;
 
-use crate::engines::geometry_segmenter;
 use ostra_cloud::SceneError;
 use ostra_cloud::fuse::readable;
-use ostra_core::job::Progress;
-use ostra_frames::{Frame, FrameStore};
-use ostra_masks::graph_cut::settled;
-use ostra_masks::{PreparedFrame, Segmenter};
+use ostra_core::job::{JobId, Progress, Stopped};
+use ostra_frames::{DepthMap, Frame, FrameStore, Image};
+use ostra_masks::graph_cut::{BuiltinSegmenter, settled};
+use ostra_masks::{MaskError, PreparedFrame, Segmenter};
+use ostra_project::SegmenterId;
 use ostra_tracking::supervoxels::GeometrySegmenter;
 
 /// Memory for frames prepared for prompts, in bytes.
@@ -20,10 +20,29 @@ pub(crate) struct Prompting {
     pub(crate) prepared: Arc<PreparedFrames>,
     /// Geometry segmenter for the project's frames.
     geometry: Option<Arc<GeometrySegmenter>>,
-    /// Name of the frame that was last requested to be prepared.
-    pub(crate) preparing: Option<String>,
-    /// Segmenter that `auto` was last reported to be.
-    pub(crate) reported: Option<&'static str>,
+    /// The last request to prepare a frame.
+    pub(crate) preparing: Option<Preparation>,
+    /// What was last reported about the segmenter that `auto` took.
+    pub(crate) reported: Option<String>,
+}
+
+/// A request to prepare a frame in the background.
+pub(crate) struct Preparation {
+    /// Name of the frame.
+    pub(crate) frame: String,
+    /// The segmenter.
+    pub(crate) segmenter: SegmenterId,
+    /// The project's frames, with their cameras and depths.
+    pub(crate) frames: Weak<Vec<Frame>>,
+    /// The job that prepares the frame.
+    pub(crate) job: JobId,
+}
+
+impl Preparation {
+    /// Returns whether this is the preparation of one of these frames.
+    pub(crate) fn is_of(&self, frames: &Arc<Vec<Frame>>, frame: &str) -> bool {
+        self.frame == frame && Weak::as_ptr(&self.frames) == Arc::as_ptr(frames)
+    }
 }
 
 impl Default for Prompting {
@@ -51,8 +70,50 @@ impl Prompting {
         store: &Arc<FrameStore>,
     ) -> Arc<GeometrySegmenter> {
         let kept = self.geometry.take().filter(|kept| kept.is_for(frames));
-        let make = || geometry_segmenter(Arc::clone(frames), Arc::clone(store));
+        let make = || {
+            let pictures = SharedPictures(Arc::clone(&self.prepared));
+            Arc::new(GeometrySegmenter::new(
+                Arc::clone(frames),
+                Arc::clone(store),
+                Arc::new(pictures),
+            ))
+        };
         Arc::clone(self.geometry.insert(kept.unwrap_or_else(make)))
+    }
+}
+
+/// The built-in segmenter, which takes frames that are prepared already.
+struct SharedPictures(Arc<PreparedFrames>);
+
+impl Segmenter for SharedPictures {
+    fn name(&self) -> &'static str {
+        BuiltinSegmenter.name()
+    }
+
+    fn prepare(
+        &self,
+        image: &Arc<Image>,
+        depth: Option<&Arc<DepthMap>>,
+        progress: &Progress,
+    ) -> Result<Arc<dyn PreparedFrame>, MaskError> {
+        BuiltinSegmenter.prepare(image, depth, progress)
+    }
+
+    fn prepare_frame(
+        &self,
+        frame: &Frame,
+        image: &Arc<Image>,
+        depth: Option<&Arc<DepthMap>>,
+        progress: &Progress,
+    ) -> Result<Arc<dyn PreparedFrame>, MaskError> {
+        let inputs = || Ok((Arc::clone(image), depth.cloned()));
+        self.0
+            .get_with(&BuiltinSegmenter, frame, inputs, progress)
+            .map_err(|error| match error.downcast::<MaskError>() {
+                Ok(error) => error,
+                Err(error) if error.is::<Stopped>() => Stopped.into(),
+                Err(error) => MaskError::Request(format!("{error:#}")),
+            })
     }
 }
 
@@ -109,25 +170,48 @@ impl PreparedFrames {
         store: &FrameStore,
         progress: &Progress,
     ) -> Result<Arc<dyn PreparedFrame>> {
-        let key = format!(
-            "{} {} {:?} {:?}",
-            segmenter.name(),
-            segmenter.basis(),
-            frame.image,
-            frame.depth
-        );
+        let inputs = || {
+            let image = store.image(frame)?;
+            let depth = match readable(store.depth(frame).map_err(SceneError::from))?.flatten() {
+                // Depth borders from stereo are a few pixels off, because of its windows.
+                Some(made) if !frame.has_sensor_depth() => Some(Arc::new(settled(&made, &image))),
+                depth => depth,
+            };
+            Ok((image, depth))
+        };
+        self.get_with(segmenter, frame, inputs, progress)
+    }
+
+    /// Returns the prepared frame if it is in the cache, without waiting for it.
+    pub(crate) fn ready(
+        &self,
+        segmenter: &dyn Segmenter,
+        frame: &Frame,
+    ) -> Option<Arc<dyn PreparedFrame>> {
+        let slot = {
+            let slots = self.lock();
+            Arc::clone(&slots.by_key.get(&key(segmenter, frame))?.frame)
+        };
+        let ready = slot.try_lock().ok()?;
+        ready.clone()
+    }
+
+    /// Returns the prepared frame as [`Self::get`]; `inputs` are its image and depth.
+    fn get_with(
+        &self,
+        segmenter: &dyn Segmenter,
+        frame: &Frame,
+        inputs: impl FnOnce() -> Result<(Arc<Image>, Option<Arc<DepthMap>>)>,
+        progress: &Progress,
+    ) -> Result<Arc<dyn PreparedFrame>> {
+        let key = key(segmenter, frame);
         let ready = self.slot(&key);
         let mut ready = ready.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(prepared) = ready.as_ref() {
             return Ok(Arc::clone(prepared));
         }
         progress.stage("prepare")?;
-        let image = store.image(frame)?;
-        let depth = match readable(store.depth(frame).map_err(SceneError::from))?.flatten() {
-            // Depth borders from stereo are a few pixels off, because of its windows.
-            Some(made) if !frame.has_sensor_depth() => Some(Arc::new(settled(&made, &image))),
-            depth => depth,
-        };
+        let (image, depth) = inputs()?;
         let prepared = segmenter.prepare_frame(frame, &image, depth.as_ref(), progress)?;
         *ready = Some(Arc::clone(&prepared));
         drop(ready);
@@ -171,4 +255,15 @@ impl PreparedFrames {
     fn lock(&self) -> MutexGuard<'_, Slots> {
         self.slots.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// Returns all that a prepared frame depends on.
+fn key(segmenter: &dyn Segmenter, frame: &Frame) -> String {
+    format!(
+        "{} {} {:?} {:?}",
+        segmenter.name(),
+        segmenter.basis(),
+        frame.image,
+        frame.depth
+    )
 }

@@ -208,9 +208,21 @@ fn demo_with_ground_truth_keyframes() {
 /// Trackers add nothing to a frame that was clicked, because it is a keyframe.
 fn shelf_with_two_clicks_per_object() {
     let data = data_dir();
-    let (cloud_iou, mask_iou) = shelf(&data, |truths, _| shows_all(truths));
+    let frame = |truths: &[LabelMask], _| shows_all(truths);
+    let (cloud_iou, mask_iou) = shelf(&data, SegmenterId::Geometry, frame);
     assert!(cloud_iou >= 0.77, "3-D IoU {cloud_iou}");
     assert!(mask_iou >= 0.67, "mask IoU {mask_iou}");
+}
+
+/// Leaves the segmenter to `auto`, as a user does who changes nothing.
+///
+/// With `builtin` the IoUs are BUILTIN_FIGURES.
+fn shelf_by_auto_with_two_clicks_per_object() {
+    let data = data_dir();
+    let frame = |truths: &[LabelMask], _| shows_all(truths);
+    let (cloud_iou, mask_iou) = shelf(&data, SegmenterId::Auto, frame);
+    assert!(cloud_iou >= 0.75, "3-D IoU {cloud_iou}");
+    assert!(mask_iou >= 0.65, "mask IoU {mask_iou}");
 }
 
 /// Clicks each object on the frame that shows most of it: the other objects are missing there.
@@ -221,7 +233,7 @@ fn shelf_with_clicks_on_three_frames() {
             .max_by_key(|&at| truths[at].region(id).area())
             .unwrap()
     };
-    let (cloud_iou, mask_iou) = shelf(&data, largest);
+    let (cloud_iou, mask_iou) = shelf(&data, SegmenterId::Geometry, largest);
     assert!(cloud_iou >= 0.69, "3-D IoU {cloud_iou}");
     assert!(mask_iou >= 0.55, "mask IoU {mask_iou}");
 }
@@ -229,7 +241,11 @@ fn shelf_with_clicks_on_three_frames() {
 /// Labels four objects of a real shelf by two clicks each on a frame.
 ///
 /// Returns the mean IoU of the labelled cloud, and that of the masks.
-fn shelf(data: &Path, clicked: impl Fn(&[LabelMask], LabelId) -> usize) -> (f64, f64) {
+fn shelf(
+    data: &Path,
+    segmenter: SegmenterId,
+    clicked: impl Fn(&[LabelMask], LabelId) -> usize,
+) -> (f64, f64) {
     let dir = tempfile::tempdir().unwrap();
     let shelf = data.join("apc_shelf_rgbd_labels");
     let mut session = Session::new();
@@ -248,7 +264,12 @@ fn shelf(data: &Path, clicked: impl Fn(&[LabelMask], LabelId) -> usize) -> (f64,
         )
         .unwrap();
         let frame = clicked(&truths, id);
-        click_twice(&mut session, frame, id, &truths[frame].region(id));
+        click_twice(
+            &mut session,
+            segmenter,
+            (frame, id),
+            &truths[frame].region(id),
+        );
     }
     perform(&mut session, track()).unwrap();
     perform(&mut session, Command::Fuse(FuseRequest::default())).unwrap();
@@ -300,7 +321,12 @@ fn shows_all(truths: &[LabelMask]) -> usize {
 }
 
 /// Makes two clicks of the simulated user on one frame.
-fn click_twice(session: &mut Session, frame: usize, label: LabelId, truth: &Region) {
+fn click_twice(
+    session: &mut Session,
+    segmenter: SegmenterId,
+    (frame, label): (usize, LabelId),
+    truth: &Region,
+) {
     let mut clicks = Vec::new();
     for _ in 0..2 {
         let mask = session
@@ -324,7 +350,7 @@ fn click_twice(session: &mut Session, frame: usize, label: LabelId, truth: &Regi
                 frame,
                 label,
                 prompt,
-                segmenter: SegmenterId::Geometry,
+                segmenter,
             }),
         )
         .unwrap();
@@ -337,5 +363,8 @@ crate::registry::tests! {
         demo_from_images_only,
         demo_without_cameras,
         demo_with_ground_truth_keyframes;
-    Data(&["apc_shelf_rgbd_labels"]) => shelf_with_two_clicks_per_object, shelf_with_clicks_on_three_frames;
+    Data(&["apc_shelf_rgbd_labels"]) =>
+        shelf_with_two_clicks_per_object,
+        shelf_by_auto_with_two_clicks_per_object,
+        shelf_with_clicks_on_three_frames;
 }

@@ -33,6 +33,7 @@ mod session;
 mod video;
 
 mod attach;
+mod auto_segmenter;
 mod bedroom;
 mod book_commands;
 mod book_images;
@@ -74,6 +75,7 @@ mod whole_job;
 fn main() -> std::process::ExitCode {
     let modules = [
         attach::tests(),
+        auto_segmenter::tests(),
         bedroom::tests(),
         book_commands::tests(),
         book_images::tests(),

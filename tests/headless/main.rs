@@ -21,6 +21,8 @@ mod architecture;
 #[cfg(test)]
 mod attach;
 #[cfg(test)]
+mod auto_segmenter;
+#[cfg(test)]
 mod book;
 #[cfg(test)]
 mod clicks;

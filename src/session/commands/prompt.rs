@@ -3,18 +3,21 @@ use std::sync::Arc;
 
 use anyhow::{Result, ensure};
 
-use crate::Event;
+use crate::click_segmenter::ClickSegmenter;
 use crate::jobs::Job;
+use crate::prepared::Preparation;
+use crate::{Command, Event};
 use crate::{JobCompletion, JobKind};
 use crate::{PromptRequest, Session, engines};
 use ostra_cloud::SceneError;
 use ostra_cloud::fuse::{naming, readable};
 use ostra_core::job::JobId;
 use ostra_frames::{Frame, FrameStore};
-use ostra_masks::{AnswerSize, LabelId, Region};
+use ostra_masks::{AnswerSize, AnswerSource, LabelId, Region, Segmenter};
 use ostra_project::mask_edits::{check_unlocked, label_name};
 use ostra_project::prompt::{PromptMeaning, without_label};
 use ostra_project::{Edit, Project};
+use ostra_tracking::supervoxels::unfit;
 
 impl Session {
     pub(crate) fn prompt(&mut self, request: &PromptRequest) -> Result<Option<JobId>> {
@@ -32,40 +35,90 @@ impl Session {
                 .take_off(&project, request.frame, request.label)
                 .map(|()| None);
         }
-        let segmenter = engines::segmenter(
-            request.segmenter,
-            self.prompting.geometry_for(&project.frames, &self.store),
-        )?;
+        let clicked = self.segmenter_for_clicks(request.segmenter, &project, &frame)?;
         self.supersede(request);
-        if request.segmenter == SegmenterId::Auto
-            && self.prompting.reported.replace(segmenter.name()) != Some(segmenter.name())
-        {
-            self.events
-                .push(Event::Notice(format!("segmenter: {}", segmenter.name())));
-        }
         let (prepared, store, request) = (
             Arc::clone(&self.prompting.prepared),
             Arc::clone(&self.store),
             request.clone(),
         );
+        // A recipe does not wait for a preparation, so it names the segmenter that answers.
+        let recorded = clicked.is_early().then(|| PromptRequest {
+            segmenter: SegmenterId::Builtin,
+            ..request.clone()
+        });
         let kind = JobKind::Prompt {
             frame: request.frame,
             label: request.label,
         };
         let basis = self.basis_of(&request)?;
-        Ok(Some(self.start("Segment", kind, move |context| {
-            let ready = prepared.get(segmenter.as_ref(), &frame, &store, &context.progress)?;
+        let job = self.start("Segment", kind, move |context| {
+            let segmenter = clicked.segmenter.as_ref();
+            let ready = prepared.get(segmenter, &frame, &store, &context.progress)?;
             context.progress.stage("segment")?;
             let meaning = PromptMeaning::new(&basis.project, &request)?;
             let image = store.image(&frame)?;
-            let region = meaning.segment(ready.as_ref(), &image, &context.progress)?;
+            let (region, found) =
+                meaning.segment_with_source(ready.as_ref(), &image, &context.progress)?;
             let warning = unread_depth(&frame, &store)?;
+            let source = clicked.source(found);
             Ok(Box::new(move |session: &mut Self| {
-                session.take_answer(&request, meaning, &region)?;
+                session.report_source(source);
+                let choice = source.filter(|_| clicked.chooses);
+                session.take_answer(&request, meaning, &region, choice)?;
                 session.warn_all(warning.into_iter().collect());
                 Ok(())
             }) as JobCompletion)
-        })))
+        });
+        if let (Some(request), Some(job)) = (recorded, self.jobs.get_mut(job)) {
+            job.command = Some(Command::Prompt(request));
+        }
+        Ok(Some(job))
+    }
+
+    fn segmenter_for_clicks(
+        &mut self,
+        id: SegmenterId,
+        project: &Project,
+        frame: &Frame,
+    ) -> Result<ClickSegmenter> {
+        let is_working = self
+            .prompting
+            .preparing
+            .as_ref()
+            .is_some_and(|preparation| self.jobs.is_working(preparation.job));
+        self.prompting
+            .for_clicks(id, &project.frames, frame, &self.store, is_working)
+    }
+
+    /// Returns the segmenter that previews a prompt, or `None` if it is not installed.
+    ///
+    /// It is the one that would answer the prompt now, unless that encodes the image for every
+    /// click.
+    pub(crate) fn preview_segmenter(
+        &mut self,
+        project: &Project,
+        request: &PromptRequest,
+    ) -> Option<Arc<dyn Segmenter>> {
+        let frame = project.frames.get(request.frame)?;
+        let id = match request.segmenter {
+            SegmenterId::SamClose => SegmenterId::Sam,
+            id => id,
+        };
+        let clicked = self.segmenter_for_clicks(id, project, frame).ok()?;
+        Some(clicked.segmenter)
+    }
+
+    /// Reports which segmenter `auto` took and why, unless it was so before.
+    fn report_source(&mut self, source: Option<AnswerSource>) {
+        let Some(AnswerSource { segmenter, reason }) = source else {
+            return;
+        };
+        let text = format!("segmenter: {segmenter} ({reason})");
+        if self.prompting.reported.as_ref() != Some(&text) {
+            self.events.push(Event::Notice(text.clone()));
+            self.prompting.reported = Some(text);
+        }
     }
 
     /// Prepares a frame and then its neighbours for prompts in the background.
@@ -78,27 +131,39 @@ impl Session {
         let Some(name) = project.frames.get(frame).map(|frame| &frame.name) else {
             return;
         };
-        if self.prompting.preparing.as_deref() == Some(name) {
+        let is_same =
+            |last: &Preparation| last.segmenter == segmenter && last.is_of(&project.frames, name);
+        if self.prompting.preparing.as_ref().is_some_and(is_same) {
             return;
         }
-        let Ok(segmenter) = engines::previewer(
-            segmenter,
-            self.prompting.geometry_for(&project.frames, &self.store),
-        ) else {
+        let geometry = self.prompting.geometry_for(&project.frames, &self.store);
+        let fitting = engines::fitting_segmenter(segmenter, &geometry);
+        let Ok(previewer) = engines::previewer(segmenter, geometry) else {
             return;
         };
         self.jobs
             .iter()
             .filter(|job| job.kind == JobKind::ReadAhead)
             .for_each(Job::stop);
-        self.prompting.preparing = Some(name.clone());
+        let (name, frames) = (name.clone(), Arc::downgrade(&project.frames));
         let (prepared, store) = (
             Arc::clone(&self.prompting.prepared),
             Arc::clone(&self.store),
         );
-        self.start("prepare", JobKind::ReadAhead, move |context| {
+        let job = self.start("prepare", JobKind::ReadAhead, move |context| {
             for (done, of) in frames_around(&project.frames, frame).enumerate() {
-                let ready = match prepared.get(segmenter.as_ref(), of, &store, &context.progress) {
+                let get = |segmenter: &dyn Segmenter| {
+                    prepared.get(segmenter, of, &store, &context.progress)
+                };
+                let fitting = fitting
+                    .as_ref()
+                    .filter(|_| unfit(&project.frames, of).is_none());
+                // The first clicks need not wait for geometry.
+                let ready = get(previewer.as_ref()).and_then(|ready| match fitting {
+                    Some(fitting) => get(fitting),
+                    None => Ok(ready),
+                });
+                let ready = match ready {
                     // Problems with a neighbour are reported when it is shown.
                     Err(_) if done > 0 => {
                         context.progress.check()?;
@@ -111,6 +176,12 @@ impl Session {
                 }
             }
             Ok(Box::new(|_: &mut Self| Ok(())) as JobCompletion)
+        });
+        self.prompting.preparing = Some(Preparation {
+            frame: name,
+            segmenter,
+            frames,
+            job,
         });
     }
 
@@ -127,12 +198,13 @@ impl Session {
     /// Composes an answer into the frame's mask.
     ///
     /// If the project changed while the answer was computed, the prompt is interpreted again. An
-    /// answer that changes no pixel makes no step.
+    /// answer that changes no pixel makes no step. `choice` is the segmenter chosen for it.
     fn take_answer(
         &mut self,
         request: &PromptRequest,
         meaning: PromptMeaning,
         region: &Region,
+        choice: Option<AnswerSource>,
     ) -> Result<()> {
         let PromptBasis {
             project,
@@ -150,7 +222,10 @@ impl Session {
         } else {
             "Click on"
         };
-        let title = format!("{how} {name}, frame {}", request.frame);
+        let mut title = format!("{how} {name}, frame {}", request.frame);
+        if let Some(AnswerSource { segmenter, reason }) = choice {
+            title += &format!(" ({segmenter}: {reason})");
+        }
         let unchanged = if replaces_last && self.shows(request.frame, &edits) {
             Some(format!(
                 "There is no {} answer to this click; try another place, or the brush",

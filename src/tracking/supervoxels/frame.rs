@@ -22,6 +22,9 @@ const AT_PX: f64 = 3.0;
 /// Width, in sides of a voxel, below which an object is left to the image segmenter.
 const LEAST_SIDES: f32 = 3.0;
 
+/// Reason for leaving an object to the image segmenter.
+pub const THIN: &str = "a thin or small object";
+
 /// A frame with the voxel of every pixel, and the image segmenter's version of it.
 pub struct FrameBodies {
     surfaces: Arc<SurfacePartitions>,
@@ -90,8 +93,10 @@ impl FrameBodies {
 
     /// Returns the region of the clicks.
     ///
-    /// Returns `None` if no include click is near a known surface, or if the object is thin.
-    fn solid(&self, clicks: &[Click]) -> Option<Region> {
+    /// # Errors
+    /// The reason, if no include click is near a known surface, no answer is an object, or the
+    /// object is thin.
+    pub fn solid(&self, clicks: &[Click]) -> Result<Region, &'static str> {
         let kept = || self.answered.lock().unwrap_or_else(PoisonError::into_inner);
         let mut answered = std::mem::take(&mut *kept());
         let known = answered
@@ -108,9 +113,15 @@ impl FrameBodies {
             .last()
             .and_then(|last| last.region.clone());
         *kept() = answered;
-        region
-            .filter(|region| self.is_broad(region))
-            .map(Arc::unwrap_or_clone)
+        let region = region.ok_or("no object can be told apart here")?;
+        if region.is_empty() {
+            return Err("no surface with depth near the click");
+        }
+        if self.is_broad(&region) {
+            Ok(Arc::unwrap_or_clone(region))
+        } else {
+            Err(THIN)
+        }
     }
 
     /// Computes the result of one more click.
@@ -257,10 +268,8 @@ impl PreparedFrame for FrameBodies {
             previous,
             taken,
         } = *request;
-        let Some(after) = self
-            .solid(&prompt.clicks)
-            .filter(|_| prompt.boxes.is_empty())
-        else {
+        let solid = self.solid(&prompt.clicks);
+        let Some(after) = solid.ok().filter(|_| prompt.boxes.is_empty()) else {
             return self.prepared.segment(request, progress);
         };
         if prompt.size != AnswerSize::Automatic {
@@ -270,7 +279,7 @@ impl PreparedFrame for FrameBodies {
         }
         let before = previous.and_then(|previous| {
             let (_, clicks) = prompt.clicks.split_last()?;
-            Some((previous, self.solid(clicks)?))
+            Some((previous, self.solid(clicks).ok()?))
         });
         let mut answer = match before {
             Some((previous, before)) => Self::changed(previous, &before, &after),

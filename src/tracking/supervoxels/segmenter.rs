@@ -12,7 +12,7 @@ use ostra_masks::{MaskError, PreparedFrame, Segmenter};
 /// Maximum number of other frames that the surfaces are made of.
 const MOST_VIEWS: usize = 16;
 /// Minimum number of frames that see the same surfaces.
-const LEAST_VIEWS: usize = 3;
+pub const LEAST_VIEWS: usize = 3;
 
 /// Frame indices, and their depth and images.
 type CachedViews = (Vec<usize>, Vec<ColoredView>);
@@ -98,6 +98,36 @@ impl GeometrySegmenter {
         Ok(surfaces)
     }
 
+    /// Returns the segmenter for single images.
+    pub(super) fn pictures(&self) -> &dyn Segmenter {
+        self.prepared.as_ref()
+    }
+
+    /// Returns the frames of the scene.
+    pub(super) fn frames(&self) -> &[Frame] {
+        &self.frames
+    }
+
+    /// Returns a frame with its connected surfaces; `None` if too few frames see the same ones.
+    ///
+    /// `prepared` is the frame, prepared by the segmenter for single images.
+    pub(super) fn bodies(
+        &self,
+        frame: &Frame,
+        prepared: &Arc<dyn PreparedFrame>,
+        progress: &Progress,
+    ) -> Result<Option<FrameBodies>, MaskError> {
+        let Some(number) = self.frames.iter().position(|other| other == frame) else {
+            return Ok(None);
+        };
+        match self.supervoxels(number, prepared, progress) {
+            Ok(supervoxels) => Ok(supervoxels),
+            Err(SceneError::Stopped(stopped)) => Err(stopped.into()),
+            Err(SceneError::Mask(error)) => Err(error),
+            Err(error) => Err(MaskError::Request(error.to_string())),
+        }
+    }
+
     fn supervoxels(
         &self,
         frame: usize,
@@ -134,18 +164,9 @@ impl Segmenter for GeometrySegmenter {
         depth: Option<&Arc<DepthMap>>,
         progress: &Progress,
     ) -> Result<Arc<dyn PreparedFrame>, MaskError> {
-        let prepared = self.prepare(image, depth, progress)?;
-        let Some(number) = self.frames.iter().position(|other| other == frame) else {
-            return Ok(prepared);
-        };
-        match self.supervoxels(number, &prepared, progress) {
-            Ok(supervoxels) => {
-                Ok(supervoxels.map_or(prepared, |supervoxels| Arc::new(supervoxels)))
-            }
-            Err(SceneError::Stopped(stopped)) => Err(stopped.into()),
-            Err(SceneError::Mask(error)) => Err(error),
-            Err(error) => Err(MaskError::Request(error.to_string())),
-        }
+        let prepared = self.prepared.prepare_frame(frame, image, depth, progress)?;
+        let bodies = self.bodies(frame, &prepared, progress)?;
+        Ok(bodies.map_or(prepared, |bodies| Arc::new(bodies)))
     }
 
     fn basis(&self) -> String {

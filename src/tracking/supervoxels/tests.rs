@@ -15,6 +15,8 @@ use ostra_frames::{
 use ostra_geometry::{Camera, Pose};
 use ostra_masks::{Click, MaskError, PreparedFrame, Prompt, Region, SegmentRequest, Segmenter};
 
+mod fitting;
+
 const SIZE: (u32, u32) = (160, 120);
 
 /// A segmenter that only sets the clicked pixels.

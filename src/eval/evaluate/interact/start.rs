@@ -60,7 +60,7 @@ fn play(request: &InteractRequest, progress: &Progress) -> Result<(InteractRepor
         Arc::clone(&sequence.project().frames),
         Arc::clone(&sequence.store),
     );
-    let segmenter = engines::segmenter(request.segmenter, geometry)?;
+    let segmenter = engines::click_segmenter(request.segmenter, geometry)?;
     let settings = TrackSettings {
         tracker: request.tracker,
         ..TrackSettings::default()
