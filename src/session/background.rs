@@ -286,6 +286,7 @@ impl Session {
     /// Requests are answered in the background one at a time, the newest first, from the same
     /// prepared frame as a prompt. Nothing is committed.
     pub fn hover(&mut self, wanted: Option<PromptRequest>) {
+        let wanted = wanted.map(|request| self.answered_now(request));
         let preview = &mut self.background.prompt_preview;
         match wanted {
             Some(request) if preview.requested().as_ref() == Some(&request) => return,

@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use anyhow::Result;
 
-use crate::engines;
 use crate::jobs::{JobContext, JobKind};
 use crate::live_preview::PreviewSink;
 use crate::queries::{

@@ -59,7 +59,7 @@ fn made(segmenter: SegmenterId, geometry: Arc<GeometrySegmenter>) -> Arc<dyn Seg
     }
 }
 
-/// Creates a segmenter for clicks; `auto` fits the frame and what is clicked on it.
+/// Creates a segmenter for clicks; `auto` is chosen for each click if some frames allow it.
 ///
 /// # Errors
 ///
@@ -68,7 +68,7 @@ pub fn click_segmenter(
     id: SegmenterId,
     geometry: Arc<GeometrySegmenter>,
 ) -> Result<Arc<dyn Segmenter>> {
-    match fitting_segmenter(id, &geometry) {
+    match fitting_segmenter(id, &geometry).filter(FittingSegmenter::has_choice) {
         Some(fitting) => Ok(Arc::new(fitting)),
         None => segmenter(id, geometry),
     }

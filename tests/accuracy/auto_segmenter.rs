@@ -5,6 +5,7 @@
 
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Instant;
 
 use ostra_core::job::Progress;
 use ostra_eval::simulated_click::next_click;
@@ -33,16 +34,20 @@ const COMPARED: [SegmenterId; 3] = [
 /// Mean IoU after two clicks by each of [`COMPARED`], in both halves.
 type HalfIous = [[f64; 3]; 2];
 
-/// Returns the IoU of an object after the clicks of the simulated user.
+/// Returns the IoU of an object after the clicks of the simulated user, and the seconds for
+/// preparing the frame and for a click.
 fn clicked(
     segmenter: &dyn Segmenter,
     prepared: &PreparedFrames,
     (frame, store): (&Frame, &FrameStore),
     truth: &Region,
-) -> f64 {
+) -> (f64, [f64; 2]) {
+    let begun = Instant::now();
     let ready = prepared
         .get(segmenter, frame, store, &Progress::default())
         .unwrap();
+    let preparing = begun.elapsed().as_secs_f64();
+    let begun = Instant::now();
     let mut prompt = Prompt::default();
     let mut answer = Region::empty(truth.width, truth.height);
     for _ in 0..CLICKS {
@@ -57,7 +62,8 @@ fn clicked(
         };
         answer = ready.segment(&request, &Progress::default()).unwrap();
     }
-    truth.iou(&answer)
+    let clicking = begun.elapsed().as_secs_f64() / CLICKS as f64;
+    (truth.iou(&answer), [preparing, clicking])
 }
 
 /// Clicks every object on some frames of a project, and returns the means.
@@ -69,6 +75,7 @@ fn compare(name: &str, new: Command, every: usize, truth: impl Fn(usize) -> Labe
     let geometry = engines::geometry_segmenter(Arc::clone(&frames), Arc::clone(&store));
     let prepared = PreparedFrames::new(512 << 20);
     let (mut sums, mut counts) = ([[0.0; 3]; 2], [0.0; 2]);
+    let mut seconds = [[0.0; 2]; 3];
     for (number, at) in (0..frames.len()).step_by(every).enumerate() {
         let (half, mask) = (number % 2, truth(at));
         let mut ids = mask.ids.clone();
@@ -80,16 +87,26 @@ fn compare(name: &str, new: Command, every: usize, truth: impl Fn(usize) -> Labe
                 continue;
             }
             counts[half] += 1.0;
-            let ious = COMPARED.map(|id| {
+            let mut ious = [0.0; 3];
+            for (which, id) in COMPARED.into_iter().enumerate() {
                 let segmenter = engines::click_segmenter(id, Arc::clone(&geometry)).unwrap();
-                clicked(&*segmenter, &prepared, (&frames[at], &store), &object)
-            });
+                let (iou, [preparing, clicking]) =
+                    clicked(&*segmenter, &prepared, (&frames[at], &store), &object);
+                ious[which] = iou;
+                seconds[which][0] += preparing;
+                seconds[which][1] += clicking;
+            }
             println!("{name} frame {at} object {}: {ious:.3?}", id.0);
             for (sum, iou) in sums[half].iter_mut().zip(ious) {
                 *sum += iou;
             }
         }
     }
+    let clicks = counts[0] + counts[1];
+    println!(
+        "{name}, builtin, geometry, auto: seconds for preparing all frames and for a click {:.2?}",
+        seconds.map(|[preparing, clicking]| [preparing, clicking / clicks])
+    );
     for (sums, count) in sums.iter_mut().zip(counts) {
         sums.iter_mut().for_each(|sum| *sum /= count);
     }

@@ -470,7 +470,8 @@ fn simulated_user_counts_the_clicks_that_tracking_saves() {
     let report: Value = serde_json::from_str(&done(&[&play[..], &["--json"]].concat())).unwrap();
     assert_eq!(
         (&report["tracker"], &report["segmenter"]),
-        (&"geometry".into(), &"builtin".into())
+        (&"geometry".into(), &"auto".into()),
+        "on a recording the segmenter is chosen for each click"
     );
     assert_eq!(
         (&report["frames"], &report["labels"]),

@@ -42,7 +42,7 @@ impl Session {
             Arc::clone(&self.store),
             request.clone(),
         );
-        // A recipe does not wait for a preparation, so it names the segmenter that answers.
+        // `ostra run` waits for geometry, so the recipe names the segmenter that answers now.
         let recorded = clicked.is_early().then(|| PromptRequest {
             segmenter: SegmenterId::Builtin,
             ..request.clone()
@@ -63,8 +63,8 @@ impl Session {
             let warning = unread_depth(&frame, &store)?;
             let source = clicked.source(found);
             Ok(Box::new(move |session: &mut Self| {
-                session.report_source(source);
                 let choice = source.filter(|_| clicked.chooses);
+                session.report_source(source, choice.is_some());
                 session.take_answer(&request, meaning, &region, choice)?;
                 session.warn_all(warning.into_iter().collect());
                 Ok(())
@@ -109,13 +109,37 @@ impl Session {
         Some(clicked.segmenter)
     }
 
-    /// Reports which segmenter `auto` took and why, unless it was so before.
-    fn report_source(&mut self, source: Option<AnswerSource>) {
+    /// Returns a prompt that names the segmenter if geometry is chosen only later.
+    ///
+    /// A preview is then shown again once geometry would answer.
+    pub(crate) fn answered_now(&mut self, request: PromptRequest) -> PromptRequest {
+        let Some(project) = self.project().map(Arc::clone) else {
+            return request;
+        };
+        let clicked = project.frames.get(request.frame).and_then(|frame| {
+            self.segmenter_for_clicks(request.segmenter, &project, frame)
+                .ok()
+        });
+        let is_early = clicked.is_some_and(|clicked| clicked.is_early());
+        PromptRequest {
+            segmenter: if is_early {
+                SegmenterId::Builtin
+            } else {
+                request.segmenter
+            },
+            ..request
+        }
+    }
+
+    /// Reports which segmenter `auto` took and why.
+    ///
+    /// If the frame leaves no choice, it is reported only when it differs from the last one.
+    fn report_source(&mut self, source: Option<AnswerSource>, is_choice: bool) {
         let Some(AnswerSource { segmenter, reason }) = source else {
             return;
         };
         let text = format!("segmenter: {segmenter} ({reason})");
-        if self.prompting.reported.as_ref() != Some(&text) {
+        if is_choice || self.prompting.reported.as_ref() != Some(&text) {
             self.events.push(Event::Notice(text.clone()));
             self.prompting.reported = Some(text);
         }

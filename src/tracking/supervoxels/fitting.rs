@@ -45,6 +45,15 @@ pub fn unfit(frames: &[Frame], frame: &Frame) -> Option<&'static str> {
 /// geometry. [`PreparedFrame::source`] says which one answers and why.
 pub struct FittingSegmenter(pub Arc<GeometrySegmenter>);
 
+impl FittingSegmenter {
+    /// Returns whether geometry fits any frame.
+    #[must_use]
+    pub fn has_choice(&self) -> bool {
+        let frames = self.0.frames();
+        frames.iter().any(|frame| unfit(frames, frame).is_none())
+    }
+}
+
 impl Segmenter for FittingSegmenter {
     fn name(&self) -> &'static str {
         "auto"

@@ -120,6 +120,21 @@ fn answered(session: &mut Session) -> (String, Vec<String>) {
     }
 }
 
+/// Returns the preview of the click, waiting only for it.
+fn preview(session: &mut Session) -> LabelMask {
+    let Command::Prompt(request) = click_by_auto() else {
+        unreachable!("a click is a prompt")
+    };
+    loop {
+        session.hover(Some(request.clone()));
+        session.poll();
+        if let Some(mask) = session.hovered() {
+            return mask.decode();
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
 fn recorded_segmenter(session: &Session) -> SegmenterId {
     let Some(Command::Prompt(request)) = session.recipe().commands.last() else {
         panic!("{:?}", session.recipe())
@@ -132,12 +147,14 @@ fn first_click_does_not_wait_until_geometry_is_prepared() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = recorded(folder.path());
     let preparing = being_prepared(&mut session);
+    let previewed = preview(&mut session);
     let (title, notices) = answered(&mut session);
     let reason = "the frame is still being prepared for geometry";
     assert_eq!(title, format!("Click on box, frame 0 (builtin: {reason})"));
     assert_eq!(notices, [format!("segmenter: builtin ({reason})")]);
     assert_eq!(recorded_segmenter(&session), SegmenterId::Builtin);
     let mask_then = mask(&session);
+    assert_eq!(mask_then.region(LabelId(1)), previewed.region(LabelId(1)));
     drop(preparing);
     session.prompting.preparing = None;
     session.prepare(0, SegmenterId::Auto);
@@ -146,7 +163,12 @@ fn first_click_does_not_wait_until_geometry_is_prepared() {
     perform(&mut session, Command::Undo).unwrap();
 
     let _preparing = being_prepared(&mut session);
+    let previewed = preview(&mut session);
     let (title, notices) = answered(&mut session);
+    assert_eq!(
+        mask(&session).region(LabelId(1)),
+        previewed.region(LabelId(1))
+    );
     let reason = "a solid object with depth";
     assert_eq!(title, format!("Click on box, frame 0 (geometry: {reason})"));
     assert_eq!(notices, [format!("segmenter: geometry ({reason})")]);
