@@ -2,13 +2,13 @@ use std::sync::Arc;
 
 use anyhow::Result;
 
-use crate::engines;
 use crate::prepared::Prompting;
+use crate::{PromptRequest, engines};
 use ostra_frames::{Frame, FrameStore};
 use ostra_masks::graph_cut::BuiltinSegmenter;
 use ostra_masks::{AnswerSource, Segmenter};
 use ostra_project::SegmenterId;
-use ostra_tracking::supervoxels::unfit;
+use ostra_tracking::supervoxels::{BOX, unfit};
 
 /// Reason for the built-in segmenter while a frame is prepared for geometry.
 const NOT_READY: &str = "the frame is still being prepared for geometry";
@@ -49,28 +49,30 @@ impl ClickSegmenter {
 }
 
 impl Prompting {
-    /// Returns the segmenter for clicks on a frame.
+    /// Returns the segmenter for a prompt on a frame.
     ///
-    /// While a job prepares the frame (`is_working`), clicks do not wait for geometry.
+    /// While a job prepares the frame (`is_working`), clicks do not wait for geometry. Boxes never
+    /// do, because it does not answer them.
     ///
     /// # Errors
     ///
     /// Returns an error if the segmenter is not installed.
     pub(crate) fn for_clicks(
         &mut self,
-        id: SegmenterId,
+        request: &PromptRequest,
         frames: &Arc<Vec<Frame>>,
         frame: &Frame,
         store: &Arc<FrameStore>,
         is_working: bool,
     ) -> Result<ClickSegmenter> {
-        let geometry = self.geometry_for(frames, store);
+        let (id, geometry) = (request.segmenter, self.geometry_for(frames, store));
         let Some(fitting) = engines::fitting_segmenter(id, &geometry) else {
             let installed = (id == SegmenterId::Auto).then_some("it is installed");
             let segmenter = engines::segmenter(id, geometry)?;
             return Ok(ClickSegmenter::known(segmenter, installed));
         };
-        if let Some(reason) = unfit(frames, frame) {
+        let is_boxed = !request.prompt.boxes.is_empty();
+        if let Some(reason) = unfit(frames, frame).or(is_boxed.then_some(BOX)) {
             return Ok(ClickSegmenter::known(
                 Arc::new(BuiltinSegmenter),
                 Some(reason),

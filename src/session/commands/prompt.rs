@@ -35,7 +35,7 @@ impl Session {
                 .take_off(&project, request.frame, request.label)
                 .map(|()| None);
         }
-        let clicked = self.segmenter_for_clicks(request.segmenter, &project, &frame)?;
+        let clicked = self.segmenter_for(request, &project, &frame)?;
         self.supersede(request);
         let (prepared, store, request) = (
             Arc::clone(&self.prompting.prepared),
@@ -76,9 +76,9 @@ impl Session {
         Ok(Some(job))
     }
 
-    fn segmenter_for_clicks(
+    fn segmenter_for(
         &mut self,
-        id: SegmenterId,
+        request: &PromptRequest,
         project: &Project,
         frame: &Frame,
     ) -> Result<ClickSegmenter> {
@@ -88,7 +88,7 @@ impl Session {
             .as_ref()
             .is_some_and(|preparation| self.jobs.is_working(preparation.job));
         self.prompting
-            .for_clicks(id, &project.frames, frame, &self.store, is_working)
+            .for_clicks(request, &project.frames, frame, &self.store, is_working)
     }
 
     /// Returns the segmenter that previews a prompt, or `None` if it is not installed.
@@ -101,11 +101,14 @@ impl Session {
         request: &PromptRequest,
     ) -> Option<Arc<dyn Segmenter>> {
         let frame = project.frames.get(request.frame)?;
-        let id = match request.segmenter {
-            SegmenterId::SamClose => SegmenterId::Sam,
-            id => id,
+        let request = PromptRequest {
+            segmenter: match request.segmenter {
+                SegmenterId::SamClose => SegmenterId::Sam,
+                id => id,
+            },
+            ..request.clone()
         };
-        let clicked = self.segmenter_for_clicks(id, project, frame).ok()?;
+        let clicked = self.segmenter_for(&request, project, frame).ok()?;
         Some(clicked.segmenter)
     }
 
@@ -116,10 +119,10 @@ impl Session {
         let Some(project) = self.project().map(Arc::clone) else {
             return request;
         };
-        let clicked = project.frames.get(request.frame).and_then(|frame| {
-            self.segmenter_for_clicks(request.segmenter, &project, frame)
-                .ok()
-        });
+        let clicked = project
+            .frames
+            .get(request.frame)
+            .and_then(|frame| self.segmenter_for(&request, &project, frame).ok());
         let is_early = clicked.is_some_and(|clicked| clicked.is_early());
         PromptRequest {
             segmenter: if is_early {

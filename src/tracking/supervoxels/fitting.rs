@@ -9,6 +9,9 @@ use ostra_masks::{
     SegmentRequest, Segmenter, squared_depth_in,
 };
 
+/// Reason for which a box is not answered by geometry.
+pub const BOX: &str = "a box";
+
 /// Least half width of a solid object, relative to the square root of its area.
 ///
 /// It is 0.5 for a square and 0.16 for a strip ten times as long as wide.
@@ -118,7 +121,7 @@ impl FittingFrame {
         } = request.prompt;
         let bodies = self.bodies.as_ref().map_err(|reason| *reason)?;
         if !boxes.is_empty() || clicks.is_empty() {
-            return Err("a box");
+            return Err(BOX);
         }
         if *corrects {
             return Err("a mask without clicks is corrected");

@@ -12,7 +12,7 @@ mod surfaces;
 mod tree;
 mod voxels;
 
-pub use fitting::{FittingSegmenter, unfit};
+pub use fitting::{BOX, FittingSegmenter, unfit};
 pub use segmenter::GeometrySegmenter;
 
 #[cfg(test)]
