@@ -1,7 +1,7 @@
 //! What `auto` chooses for clicks on recordings, compared with its two choices.
 //!
-//! Every second frame is for choosing its rules, the others are for checking them. The floors are
-//! of the second half.
+//! Every second frame is for choosing its rules, the others are for checking them. The floors hold
+//! for both halves.
 
 use std::path::Path;
 use std::sync::Arc;

@@ -216,13 +216,13 @@ fn shelf_with_two_clicks_per_object() {
 
 /// Leaves the segmenter to `auto`, as a user does who changes nothing.
 ///
-/// With `builtin` the IoUs are BUILTIN_FIGURES.
+/// With `builtin` the IoUs are 0.60 and 0.54.
 fn shelf_by_auto_with_two_clicks_per_object() {
     let data = data_dir();
     let frame = |truths: &[LabelMask], _| shows_all(truths);
     let (cloud_iou, mask_iou) = shelf(&data, SegmenterId::Auto, frame);
-    assert!(cloud_iou >= 0.75, "3-D IoU {cloud_iou}");
-    assert!(mask_iou >= 0.65, "mask IoU {mask_iou}");
+    assert!(cloud_iou >= 0.77, "3-D IoU {cloud_iou}");
+    assert!(mask_iou >= 0.67, "mask IoU {mask_iou}");
 }
 
 /// Clicks each object on the frame that shows most of it: the other objects are missing there.

@@ -9,8 +9,8 @@ use crate::program::done;
 /// Writes four frames of a square of 60 × 60 pixels at 1 m and a pole of 4 pixels before a wall at
 /// 2 m.
 ///
-/// Square, pole and wall have the same colour, so that only depth tells them apart. The cameras stand
-/// side by side.
+/// Square, pole and wall have the same colour, so that only depth distinguishes them. The cameras
+/// stand side by side.
 fn recorded() -> TempDir {
     let folder = TempDir::new().unwrap();
     let path = |name: &str| folder.path().join(name);

@@ -23,7 +23,7 @@ const AT_PX: f64 = 3.0;
 const LEAST_SIDES: f32 = 3.0;
 
 /// Reason for leaving an object to the image segmenter.
-pub const THIN: &str = "a thin or small object";
+const THIN: &str = "a thin or small object";
 
 /// A frame with the voxel of every pixel, and the image segmenter's version of it.
 pub struct FrameBodies {
@@ -113,7 +113,7 @@ impl FrameBodies {
             .last()
             .and_then(|last| last.region.clone());
         *kept() = answered;
-        let region = region.ok_or("no object can be told apart here")?;
+        let region = region.ok_or("no separate object was found here")?;
         if region.is_empty() {
             return Err("no surface with depth near the click");
         }
