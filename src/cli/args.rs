@@ -2,6 +2,7 @@ use std::path::PathBuf;
 
 use clap::{Parser, ValueEnum};
 
+use super::bench::BenchArgs;
 use super::cloud::{AttachArgs, ConflictsArgs, FuseArgs, InstancesArgs};
 use super::demo::DemoArgs;
 use super::eval::EvalCommand;
@@ -117,6 +118,8 @@ pub(super) enum Subcommand {
     /// Score a result against ground truth.
     #[command(subcommand)]
     Eval(EvalCommand),
+    /// Measure the time, accuracy and memory of reconstructions of data sets.
+    Bench(BenchArgs),
     /// List, install, add or check neural networks.
     #[command(subcommand)]
     Models(ModelsCommand),

@@ -8,11 +8,12 @@ use serde_json::json;
 
 use super::drive::{Driver, label_id};
 use super::print::{print_json, print_text};
+use super::results::act_and_print;
 use super::values;
 use ostra_cloud::conflicts::FrameConflict;
 use ostra_cloud::instances::InstanceOptions;
 use ostra_masks::LabelId;
-use ostra_project::FuseRequest;
+use ostra_project::{FuseRequest, ResultKind};
 use ostra_session::{AttachRequest, Command, InstancesRequest};
 
 #[derive(Debug, Args)]
@@ -31,6 +32,9 @@ pub(super) struct FuseArgs {
     /// Label the points of this cloud instead of fusing depth maps.
     #[arg(long, value_name = "CLOUD.ply")]
     pub onto: Option<PathBuf>,
+    /// Print one JSON object: the time of each step and the peak memory in bytes.
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Debug, Args)]
@@ -150,7 +154,12 @@ pub(super) fn fuse(args: FuseArgs) -> Result<()> {
         drop_unlabelled: args.drop_unlabelled,
         onto: args.onto,
     };
-    Driver::open(&args.project)?.act_and_save([Command::Fuse(request)])
+    act_and_print(
+        Driver::open(&args.project)?,
+        Command::Fuse(request),
+        &[ResultKind::Cloud],
+        args.json,
+    )
 }
 
 /// Gives unlabelled fragments to the objects they are attached to. The session reports how many.

@@ -24,6 +24,8 @@ const NO_SURFACE: &str = "the project has no surface; create it with 'ostra fuse
 pub(super) struct Driver {
     session: Session,
     lines: ProgressLines,
+    /// Whether notices go to standard error instead of standard output.
+    notices_on_stderr: bool,
 }
 
 impl Driver {
@@ -32,6 +34,15 @@ impl Driver {
         Self {
             session: Session::new(),
             lines: ProgressLines::default(),
+            notices_on_stderr: false,
+        }
+    }
+
+    /// Prints notices on standard error, for commands whose output is JSON.
+    pub(super) fn with_notices_on_stderr(self) -> Self {
+        Self {
+            notices_on_stderr: true,
+            ..self
         }
     }
 
@@ -61,10 +72,12 @@ impl Driver {
     /// Runs commands one after another and saves the project.
     ///
     /// Each step is in the journal by then, so a failure to save (a full disk) is only a warning.
-    pub(super) fn act_and_save(
-        mut self,
-        commands: impl IntoIterator<Item = Command>,
-    ) -> Result<()> {
+    pub(super) fn act_and_save(self, commands: impl IntoIterator<Item = Command>) -> Result<()> {
+        self.keep(commands).map(drop)
+    }
+
+    /// Runs commands as [`Self::act_and_save`], and returns the driver.
+    pub(super) fn keep(mut self, commands: impl IntoIterator<Item = Command>) -> Result<Self> {
         for command in commands {
             self.act(command)?;
         }
@@ -73,7 +86,7 @@ impl Driver {
                 "{error:#}; all changes are in the project's journal, and the next command saves the rest"
             ));
         }
-        Ok(())
+        Ok(self)
     }
 
     /// Returns the open project.
@@ -159,17 +172,20 @@ impl Driver {
         let lines = &mut self.lines;
         let events = self.session.settle(|jobs| lines.update(jobs));
         lines.end();
-        report(events)
+        report(events, self.notices_on_stderr)
     }
 }
 
 /// Prints warnings and notices, and returns the first failure or stop as the error.
-fn report(events: Vec<Event>) -> Result<()> {
+fn report(events: Vec<Event>, notices_on_stderr: bool) -> Result<()> {
     let mut outcome = Ok(());
     for event in events {
         match event {
             Event::Warning(text) | Event::Unchanged { text, .. } => warn(&text),
             Event::Paused { text, .. } if outcome.is_ok() => outcome = Err(anyhow!(text)),
+            Event::Notice(text) if notices_on_stderr => {
+                print_to_stderr(&format!("{}\n", printable(&text)));
+            }
             Event::Notice(text) => print_text(&format!("{text}\n")),
             Event::Failed { error, .. } if outcome.is_ok() => outcome = Err(anyhow!(error)),
             Event::Stopped { .. } if outcome.is_ok() => outcome = Err(stop::Interrupted.into()),

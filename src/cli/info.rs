@@ -9,12 +9,13 @@ use serde_json::{Value, json};
 
 use super::drive::Driver;
 use super::print::{print_json, print_text, warn};
+use super::results::{result_name, results_json};
 use super::values::share;
 use ostra_cloud::conflicts::FrameConflict;
 use ostra_frames::{Frame, missing_sources};
 use ostra_project::review::{FLAG_BELOW, Review, ReviewCriteria, review};
 use ostra_project::store::feature_cache_path;
-use ostra_project::{MaskOrigin, Presence, Project, ResultKind};
+use ostra_project::{MaskOrigin, Presence, Project, ResultKind, StepSeconds};
 use ostra_reconstruct::sfm::{feature_cache_bytes, remove_feature_cache};
 use ostra_session::Unfinished;
 
@@ -107,22 +108,12 @@ fn as_json(project: &Project, review: &Review, has_conflicts: bool, cache_bytes:
             json!({ "id": label.id.0, "name": label.name, "parent": parent, "color": format!("#{r:02x}{g:02x}{b:02x}") })
         })
         .collect();
-    let results: serde_json::Map<String, Value> = project
-        .results
-        .iter()
-        .map(|(kind, record)| {
-            let value = json!({
-                "engine": record.engine.name(), "frames": record.frames, "seconds": record.seconds, "stale": record.stale,
-            });
-            (result_name(*kind).to_owned(), value)
-        })
-        .collect();
     let counts = json!({
         "confirmed": review.confirmed, "to_check": review.to_check.len(), "with_conflicts": has_conflicts,
     });
     json!({
         "format": 1, "origin": project.origin.to_array(), "review": counts, "frames": frames, "labels": labels,
-        "results": results, "cache_bytes": cache_bytes,
+        "results": results_json(project), "cache_bytes": cache_bytes,
     })
 }
 
@@ -199,14 +190,25 @@ fn as_text(project: &Project, review: &Review, has_conflicts: bool) -> String {
         };
         let _ = writeln!(
             text,
-            "{}: {}, {} frames, {:.1} s{stale}",
+            "{}: {}, {} frames, {:.1} s{}{stale}",
             result_name(*kind),
             record.engine.name(),
             record.frames,
-            record.seconds
+            record.seconds,
+            steps_text(&record.steps)
         );
     }
     text
+}
+
+/// Returns the time of each step in brackets, or nothing without steps.
+fn steps_text(steps: &[StepSeconds]) -> String {
+    if steps.is_empty() {
+        return String::new();
+    }
+    let one = |step: &StepSeconds| format!("{} {:.1} s", step.step, step.seconds);
+    let steps: Vec<String> = steps.iter().map(one).collect();
+    format!(" ({})", steps.join(", "))
 }
 
 fn frame_json(project: &Project, review: &Review, number: usize, frame: &Frame) -> Value {
@@ -223,14 +225,5 @@ fn mask_state(project: &Project, number: usize) -> &'static str {
         Some(mask) if mask.stale => "stale",
         Some(mask) if mask.origin == MaskOrigin::Keyframe => "anchor",
         Some(_) => "tracked",
-    }
-}
-
-fn result_name(kind: ResultKind) -> &'static str {
-    match kind {
-        ResultKind::Tracking => "tracking",
-        ResultKind::Cameras => "cameras",
-        ResultKind::Depths => "depths",
-        ResultKind::Cloud => "cloud",
     }
 }

@@ -1,4 +1,4 @@
-//! Settings of the C library's memory allocator.
+//! Settings of the C library's memory allocator, and the memory in use.
 
 /// Cores per allocation arena.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
@@ -28,3 +28,15 @@ pub(super) fn return_freed_memory() {
 /// Does nothing: the allocators of other systems return freed memory.
 #[cfg(not(all(target_os = "linux", target_env = "gnu")))]
 pub(super) fn return_freed_memory() {}
+
+/// Returns the largest memory in use by this process so far, in bytes.
+///
+/// `None` where the system does not report it to programs without unsafe code.
+pub(super) fn peak_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kilobytes * 1024)
+}

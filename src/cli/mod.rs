@@ -4,6 +4,7 @@
 //! codes.
 
 mod args;
+mod bench;
 #[cfg(test)]
 mod book;
 mod cloud;
@@ -21,6 +22,7 @@ mod range;
 mod recipe;
 #[cfg(test)]
 mod recipe_schema;
+mod results;
 mod run;
 mod shot;
 mod sources;

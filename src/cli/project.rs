@@ -6,11 +6,12 @@ use clap::{Args, ValueEnum};
 use glam::DVec2;
 
 use super::drive::{Driver, label_id};
+use super::results::act_and_print;
 use super::values;
 use ostra_cloud::measure::LengthUnit;
 use ostra_core::lists::in_words;
 use ostra_masks::Direction;
-use ostra_project::{ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest};
+use ostra_project::{ReconstructMethod, ReconstructRequest, ResultKind, ScaleEnd, ScaleRequest};
 use ostra_session::{Command, TrackSettings};
 
 #[derive(Debug, Args)]
@@ -129,6 +130,9 @@ pub(super) struct ReconstructArgs {
     /// Maximum size of the project's cache of features and matches in GiB; 0 keeps none.
     #[arg(long, default_value = "2", value_name = "GIB", value_parser = clap::value_parser!(u32).range(0..=1024))]
     pub cache_limit: u32,
+    /// Print one JSON object: the time of each step and the peak memory in bytes.
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Debug, Args)]
@@ -216,7 +220,12 @@ pub(super) fn reconstruct(args: ReconstructArgs) -> Result<()> {
         pairs: args.pair,
         cache_limit_gib: args.cache_limit,
     };
-    Driver::open(&args.project)?.act_and_save([Command::Reconstruct(request)])
+    act_and_print(
+        Driver::open(&args.project)?,
+        Command::Reconstruct(request),
+        &[ResultKind::Cameras, ResultKind::Depths],
+        args.json,
+    )
 }
 
 pub(super) fn scale(args: ScaleArgs) -> Result<()> {

@@ -10,8 +10,8 @@ use super::args::{Cli, Subcommand};
 use super::drive::Driver;
 use super::print::{finish, one_line, print_text, print_to_stderr};
 use super::{
-    cloud, demo, eval, export, info, masks, memory, models, project, range, recipe, shot, sources,
-    stop,
+    bench, cloud, demo, eval, export, info, masks, memory, models, project, range, recipe, shot,
+    sources, stop,
 };
 use ostra_compute::nn::Provider;
 use ostra_session::Command;
@@ -89,6 +89,7 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
         Subcommand::Info(args) => info::info(&args),
         Subcommand::CleanCache { project } => info::clean_cache(&project),
         Subcommand::Eval(command) => eval::eval(command),
+        Subcommand::Bench(args) => bench::bench(args),
         Subcommand::Models(command) => models::models(&command),
         Subcommand::Run {
             recipe: Some(recipe),
@@ -105,7 +106,7 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
 fn saves_nothing(command: &Subcommand) -> bool {
     matches!(
         command,
-        Subcommand::Shot(_) | Subcommand::Info(_) | Subcommand::Eval(_)
+        Subcommand::Shot(_) | Subcommand::Info(_) | Subcommand::Eval(_) | Subcommand::Bench(_)
     )
 }
 

@@ -94,4 +94,4 @@ pub use requests::{
     ExportRequest, FuseRequest, PromptRequest, RangeChange, RangeRequest, ReconstructMethod,
     ReconstructRequest, ScaleEnd, ScaleRequest,
 };
-pub use results::{Coordinates, ResultEngine, ResultKind, ResultRecord};
+pub use results::{Coordinates, ResultEngine, ResultKind, ResultRecord, StepSeconds};

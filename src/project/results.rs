@@ -2,6 +2,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{EngineName, FuseRequest, TrackerId};
 use ostra_cloud::measure::LengthUnit;
+use ostra_core::job::Progress;
 
 /// Kind of a result that a project can hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -99,6 +100,9 @@ pub struct ResultRecord {
     pub frames: usize,
     /// Wall time in seconds.
     pub seconds: f64,
+    /// Wall time of each step; empty in records of older versions and of results without steps.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub steps: Vec<StepSeconds>,
     /// Whether an input has changed since.
     #[serde(default)]
     pub stale: bool,
@@ -127,6 +131,28 @@ pub struct ResultRecord {
     /// Settings of a cloud, with lengths in its current unit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub request: Option<FuseRequest>,
+}
+
+/// Wall time of a step of a job.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StepSeconds {
+    /// Step as people see it, such as `Match images`.
+    pub step: String,
+    /// Wall time in seconds.
+    pub seconds: f64,
+}
+
+impl StepSeconds {
+    /// Returns the steps of a job so far, without its first `left_out` stages.
+    pub fn of(progress: &Progress, left_out: usize) -> Vec<Self> {
+        let times = progress.step_times(left_out).into_iter();
+        times
+            .map(|time| Self {
+                step: time.title,
+                seconds: time.took.as_secs_f64(),
+            })
+            .collect()
+    }
 }
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands a reference")]

@@ -23,6 +23,8 @@ mod attach;
 #[cfg(test)]
 mod auto_segmenter;
 #[cfg(test)]
+mod bench;
+#[cfg(test)]
 mod book;
 #[cfg(test)]
 mod clicks;

@@ -13,5 +13,5 @@ pub use loader::Loader;
 pub use pool::{Full, Pool};
 pub use progress::{Overview, Progress, ProgressReport, Stopped};
 pub use running::{JobError, JobId, Running};
-pub use schedule::{PlannedStage, Step, StepState};
+pub use schedule::{PlannedStage, Step, StepState, StepTime};
 pub use time_left::time_left_text;

@@ -2,7 +2,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use super::schedule::{PlannedStage, Schedule, Step};
+use super::schedule::{PlannedStage, Schedule, Step, StepTime};
 
 /// The running work was asked to stop; whatever was finished before is kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -170,6 +170,21 @@ impl Progress {
             left: schedule.left(now),
             steps: schedule.steps(),
         }
+    }
+
+    /// Returns how many stages have begun.
+    #[must_use]
+    pub fn stages_begun(&self) -> usize {
+        self.lock().schedule.begun()
+    }
+
+    /// Returns the time that each step took so far, without the first `left_out` stages.
+    ///
+    /// Empty if no stages were announced.
+    #[must_use]
+    pub fn step_times(&self, left_out: usize) -> Vec<StepTime> {
+        let now = self.shared.begun.elapsed();
+        self.lock().schedule.step_times(left_out, now)
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, ReportState> {

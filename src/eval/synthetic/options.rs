@@ -20,6 +20,9 @@ pub struct SceneOptions {
     pub scene: SceneKind,
     /// Number of views along the arc, 1–10 000.
     pub views: usize,
+    /// Rows of views, 1–100: arcs one above the other, with the views divided among them. The path
+    /// goes along them to and fro.
+    pub rows: usize,
     /// Image width, 16–8192 pixels.
     pub width: u32,
     /// Image height, 16–8192 pixels.
@@ -39,6 +42,7 @@ impl Default for SceneOptions {
         Self {
             scene: SceneKind::Tiller,
             views: 24,
+            rows: 1,
             width: 480,
             height: 640,
             arc_deg: 120.0,
@@ -57,6 +61,7 @@ impl SceneOptions {
     pub fn check(&self) -> Result<(), SceneError> {
         let ranges = [
             ("number of views", self.views as f64, 1.0, 10_000.0),
+            ("number of rows", self.rows as f64, 1.0, 100.0),
             ("image width", f64::from(self.width), 16.0, 8192.0),
             ("image height", f64::from(self.height), 16.0, 8192.0),
             ("arc in degrees", self.arc_deg, 0.0, 300.0),

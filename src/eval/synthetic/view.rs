@@ -50,7 +50,12 @@ struct Subject {
     pitch_deg: f64,
 }
 
-/// Returns views from left to right along an arc around the specimen, looking slightly down.
+/// Angle by which a row of views looks down more than the row below it, in degrees.
+const ROW_STEP_DEG: f64 = 1.5;
+
+/// Returns views along arcs around the specimen, looking slightly down.
+///
+/// The first row goes from left to right, the next one back, and so on.
 pub(super) fn arc_of_views(options: &SceneOptions) -> Vec<SyntheticView> {
     let subject = match options.scene {
         SceneKind::Tiller => Subject {
@@ -75,15 +80,18 @@ pub(super) fn arc_of_views(options: &SceneOptions) -> Vec<SyntheticView> {
         [0.5 * width, 0.5 * height],
     );
     let digits = (options.views.max(2) - 1).to_string().len().max(3);
+    let per_row = options.views.div_ceil(options.rows);
     (0..options.views)
         .map(|index| {
-            let share = if options.views > 1 {
-                index as f64 / (options.views - 1) as f64 - 0.5
+            let (row, along) = (index / per_row, index % per_row);
+            let share = if per_row > 1 {
+                along as f64 / (per_row - 1) as f64 - 0.5
             } else {
                 0.0
             };
+            let share = if row % 2 == 0 { share } else { -share };
             let azimuth = (share * options.arc_deg).to_radians();
-            let pitch = subject.pitch_deg.to_radians();
+            let pitch = (subject.pitch_deg + ROW_STEP_DEG * row as f64).to_radians();
             let away = DVec3::new(
                 pitch.cos() * azimuth.sin(),
                 -pitch.cos() * azimuth.cos(),

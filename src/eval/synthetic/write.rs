@@ -58,6 +58,24 @@ impl Scene {
     }
 }
 
+impl Scene {
+    /// Writes only the images and the true cameras, as [`Self::write`] does.
+    ///
+    /// # Errors
+    /// As [`Self::write`].
+    pub fn write_photos(&self, dir: &Path, progress: &Progress) -> Result<(), SceneError> {
+        let color = dir.join("color");
+        fs::create_dir_all(&color).map_err(io_error(&color))?;
+        progress.stage("render")?;
+        for (k, view) in self.views().iter().enumerate() {
+            progress.step(k, self.views().len())?;
+            let image = self.render(view).image;
+            write_image(&color.join(format!("{}.png", view.name)), &image)?;
+        }
+        write_cameras(&dir.join("sparse"), self.views())
+    }
+}
+
 fn io_error(path: &Path) -> impl FnOnce(std::io::Error) -> SceneError {
     let path: PathBuf = path.to_owned();
     move |reason| SceneError::Io { path, reason }

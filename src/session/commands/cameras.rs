@@ -18,7 +18,7 @@ use ostra_masks::LabelId;
 use ostra_project::store::{
     feature_cache_path, save_links, save_outcomes, sparse_path, sync_folder,
 };
-use ostra_project::{Coordinates, Edit, Project, ReconstructRequest, ResultRecord};
+use ostra_project::{Coordinates, Edit, Project, ReconstructRequest, ResultRecord, StepSeconds};
 use ostra_reconstruct::rgbd::{RgbdOptions, RgbdRequest, calibrate, register_rgbd};
 use ostra_reconstruct::sfm::{
     CachedExtractor, CachedMatcher, FeatureCache, FeatureExtractor, FeatureMatcher, MapperOptions,
@@ -131,6 +131,7 @@ impl CameraWork {
         let record = ResultRecord {
             version: self.version,
             coordinates: Some(coordinates),
+            steps: StepSeconds::of(&context.progress, 0),
             ..record(&result, begun.elapsed())
         };
         Ok(ComputedCameras {

@@ -318,6 +318,7 @@ impl Correcting {
             ResultRecord {
                 frames,
                 seconds,
+                steps: Vec::new(),
                 stale,
                 version,
                 ..before

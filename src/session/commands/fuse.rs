@@ -20,7 +20,9 @@ use ostra_masks::Label;
 use ostra_project::reusable_votes::{ReusableVotes, geometry_digest};
 use ostra_project::store::{DepthFolder, cloud_path, sync_folder, votes_path};
 use ostra_project::voted_cloud::save_votes;
-use ostra_project::{Coordinates, Edit, FuseRequest, Project, ResultKind, ResultRecord};
+use ostra_project::{
+    Coordinates, Edit, FuseRequest, Project, ResultKind, ResultRecord, StepSeconds,
+};
 use ostra_reconstruct::stereo::{
     DenseCloud, FusionOptions, FusionRequest, ViewOutcome, fuse_depths,
 };
@@ -84,6 +86,7 @@ impl Session {
                 },
                 frames: fused.report.frames_voted,
                 seconds: begun.elapsed().as_secs_f64(),
+                steps: StepSeconds::of(&context.progress, 0),
                 stale: false,
                 settings,
                 version,

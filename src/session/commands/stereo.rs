@@ -21,7 +21,7 @@ use ostra_masks::LabelId;
 use ostra_project::store::{
     DepthFolder, DepthRunRecord, depth_map_path, depth_versions, feature_cache_path, load_sparse,
 };
-use ostra_project::{Edit, Project, ReconstructRequest, ResultKind, ResultRecord};
+use ostra_project::{Edit, Project, ReconstructRequest, ResultKind, ResultRecord, StepSeconds};
 use ostra_reconstruct::sfm::{
     CachedExtractor, CachedMatcher, FeatureCache, FeatureExtractor, Sift, undistort_mask,
 };
@@ -49,7 +49,7 @@ pub(super) struct StereoWork {
 ///
 /// Returns an error if no frame can get depth, a result cannot be saved, or the run was stopped.
 pub(super) fn make_depths(work: StereoWork, context: &JobContext<Session>) -> Result<()> {
-    let begun = Instant::now();
+    let (begun, stages_before) = (Instant::now(), context.progress.stages_begun());
     let StereoWork {
         project,
         root,
@@ -102,6 +102,7 @@ pub(super) fn make_depths(work: StereoWork, context: &JobContext<Session>) -> Re
         engine: ResultEngine::Stereo,
         frames: made.iter().filter(|&&made| made).count(),
         seconds: begun.elapsed().as_secs_f64(),
+        steps: StepSeconds::of(&context.progress, stages_before),
         stale: false,
         settings: settings(&views, &made, &options, &engine),
         version,

@@ -206,6 +206,29 @@ fn plant_fills_the_height_of_every_view() {
     }
 }
 
+#[test]
+fn path_goes_along_its_rows_to_and_fro() {
+    let scene = built(&SceneOptions {
+        views: 6,
+        rows: 2,
+        ..small(1)
+    });
+    let centres: Vec<_> = scene
+        .views()
+        .iter()
+        .map(|view| view.camera_from_world.centre())
+        .collect();
+    assert!(centres[0].x < centres[1].x && centres[1].x < centres[2].x);
+    assert!(centres[3].x > centres[4].x && centres[4].x > centres[5].x);
+    // The next row begins above the end of the row before.
+    assert!((centres[3].x - centres[2].x).abs() < 0.01);
+    assert!(centres[3].z > centres[2].z + 0.01);
+    assert!(centres.iter().all(|centre| {
+        let middle = glam::DVec3::new(0.0, 0.0, 0.303);
+        (centre.distance(middle) - scene.options().distance_m).abs() < 1e-9
+    }));
+}
+
 /// Converts an sRGB colour to CIE 1976 L*a*b* (D65).
 fn lab(srgb: Vec3) -> Vec3 {
     let linear = srgb.map(|v| {

@@ -82,6 +82,31 @@ fn error_names_the_folder_that_cannot_be_written() {
 }
 
 #[test]
+fn photos_are_the_images_and_cameras_of_the_recording() {
+    let [all, photos] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    let scene = built(&SceneOptions {
+        views: 2,
+        width: 60,
+        height: 80,
+        ..small(1)
+    });
+    scene.write(all.path(), &Progress::default()).unwrap();
+    scene
+        .write_photos(photos.path(), &Progress::default())
+        .unwrap();
+    let mut names: Vec<_> = std::fs::read_dir(photos.path())
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name())
+        .collect();
+    names.sort();
+    assert_eq!(names, ["color", "sparse"]);
+    for file in ["color/000.png", "color/001.png", "sparse/images.txt"] {
+        let bytes = |dir: &tempfile::TempDir| std::fs::read(dir.path().join(file)).unwrap();
+        assert!(bytes(&all) == bytes(&photos), "{file}");
+    }
+}
+
+#[test]
 fn stopping_ends_the_writing() {
     let dir = tempfile::tempdir().unwrap();
     let progress = Progress::default();
@@ -99,6 +124,13 @@ fn options_out_of_range_are_rejected() {
             ..small(1)
         })
         .contains("views")
+    );
+    assert!(
+        refused(SceneOptions {
+            rows: 0,
+            ..small(1)
+        })
+        .contains("rows")
     );
     assert!(
         refused(SceneOptions {

@@ -1,0 +1,125 @@
+use std::path::PathBuf;
+
+use anyhow::{Context, Result, ensure};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{Args, ValueEnum};
+
+use super::print::{print_json, print_text, print_to_stderr, printable, warn};
+use super::values;
+use ostra_core::lists::in_words;
+use ostra_eval::bench::{
+    BenchOptions, BenchProgram, BenchStage, STANDARD_SETS, StandardSet, run_bench,
+};
+
+/// Variable with the folder of data sets, for those who do not give it with `--data`.
+const DATA_VARIABLE: &str = "OSTRA_DATA";
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum OtherProgram {
+    Pycolmap,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum Until {
+    Cameras,
+    Depth,
+    Cloud,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct BenchArgs {
+    /// Folder of the data sets [default: the environment variable OSTRA_DATA].
+    #[arg(long, value_name = "FOLDER")]
+    pub data: Option<PathBuf>,
+    /// Data sets to run [default: all that are in the folder].
+    #[arg(long, value_name = "NAME[,NAME…]", value_delimiter = ',', value_parser = standard_set())]
+    pub sets: Vec<StandardSet>,
+    /// Render so many images of a synthetic plant along a path, 640x480, and run these; the data
+    /// sets then run only with --data or --sets.
+    #[arg(long, value_name = "N[,N…]", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(3..=5000))]
+    pub synthetic: Vec<u32>,
+    /// Last stage to run.
+    #[arg(long, value_name = "STAGE", default_value = "cameras")]
+    pub until: Until,
+    /// Number of rounds; the times are medians.
+    #[arg(long, value_name = "N", default_value = "1", value_parser = values::from_one)]
+    pub rounds: usize,
+    /// Run this program as well, in turns; it only finds cameras (repeatable).
+    #[arg(long, value_name = "PROGRAM")]
+    pub beside: Vec<OtherProgram>,
+    /// Print one JSON object.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Returns a parser of names of standard sets; help and errors list all names.
+fn standard_set() -> impl TypedValueParser<Value = StandardSet> {
+    PossibleValuesParser::new(STANDARD_SETS.iter().map(|set| set.name)).try_map(|name| {
+        let named = |set: &StandardSet| set.name == name;
+        STANDARD_SETS.into_iter().find(named).ok_or("no such set")
+    })
+}
+
+/// Runs the sets, and prints what they took.
+///
+/// # Errors
+/// Returns an error if there is no set to run, or if a run failed.
+pub(super) fn bench(args: BenchArgs) -> Result<()> {
+    let mut others: Vec<BenchProgram> = Vec::new();
+    for program in args.beside {
+        let OtherProgram::Pycolmap = program;
+        if !others.contains(&BenchProgram::Pycolmap) {
+            others.push(BenchProgram::Pycolmap);
+        }
+    }
+    let has_standard = args.data.is_some() || !args.sets.is_empty() || args.synthetic.is_empty();
+    let data = args
+        .data
+        .or_else(|| std::env::var_os(DATA_VARIABLE).map(PathBuf::from))
+        .filter(|_| has_standard);
+    ensure!(
+        data.is_some() || !has_standard,
+        "no folder of data sets is known; give it with --data or {DATA_VARIABLE}, or render images with --synthetic"
+    );
+    let sets = match (has_standard, args.sets) {
+        (false, _) => Vec::new(),
+        (true, sets) if sets.is_empty() => STANDARD_SETS.to_vec(),
+        (true, sets) => sets,
+    };
+    let options = BenchOptions {
+        program: std::env::current_exe().context("the path of this program is not known")?,
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        data,
+        sets,
+        synthetic: args
+            .synthetic
+            .iter()
+            .map(|&images| images as usize)
+            .collect(),
+        until: match args.until {
+            Until::Cameras => BenchStage::Cameras,
+            Until::Depth => BenchStage::Depth,
+            Until::Cloud => BenchStage::Cloud,
+        },
+        rounds: args.rounds,
+        others,
+    };
+    let report = run_bench(&options, &mut |line| {
+        print_to_stderr(&format!("{}\n", printable(line)));
+    })?;
+    report.not_run.iter().for_each(|why| warn(why));
+    if args.json {
+        print_json(&serde_json::to_string(&report)?);
+    } else {
+        print_text(&report.table());
+    }
+    let (failed, runs) = report.failures();
+    let names = report.sets.iter().filter(|set| set.has_failed());
+    let names: Vec<&str> = names.map(|set| set.name.as_str()).collect();
+    ensure!(
+        failed == 0,
+        "{failed} of {runs} runs failed ({}); the report has the reasons",
+        in_words(names, "and")
+    );
+    Ok(())
+}
