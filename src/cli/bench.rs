@@ -4,12 +4,10 @@ use anyhow::{Context, Result, ensure};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 
-use super::print::{print_json, print_text, print_to_stderr, printable, warn};
+use super::print::{print_json, print_text, print_to_stderr, printable};
 use super::values;
 use ostra_core::lists::in_words;
-use ostra_eval::bench::{
-    BenchOptions, BenchProgram, BenchStage, STANDARD_SETS, StandardSet, run_bench,
-};
+use ostra_eval::bench::{BenchOptions, BenchStage, STANDARD_SETS, StandardSet, run_bench};
 
 /// Variable with the folder of data sets, for those who do not give it with `--data`.
 const DATA_VARIABLE: &str = "OSTRA_DATA";
@@ -65,13 +63,6 @@ fn standard_set() -> impl TypedValueParser<Value = StandardSet> {
 /// # Errors
 /// Returns an error if there is no set to run, or if a run failed.
 pub(super) fn bench(args: BenchArgs) -> Result<()> {
-    let mut others: Vec<BenchProgram> = Vec::new();
-    for program in args.beside {
-        let OtherProgram::Pycolmap = program;
-        if !others.contains(&BenchProgram::Pycolmap) {
-            others.push(BenchProgram::Pycolmap);
-        }
-    }
     let has_standard = args.data.is_some() || !args.sets.is_empty() || args.synthetic.is_empty();
     let data = args
         .data
@@ -102,12 +93,11 @@ pub(super) fn bench(args: BenchArgs) -> Result<()> {
             Until::Cloud => BenchStage::Cloud,
         },
         rounds: args.rounds,
-        others,
+        with_pycolmap: args.beside.contains(&OtherProgram::Pycolmap),
     };
     let report = run_bench(&options, &mut |line| {
         print_to_stderr(&format!("{}\n", printable(line)));
     })?;
-    report.not_run.iter().for_each(|why| warn(why));
     if args.json {
         print_json(&serde_json::to_string(&report)?);
     } else {

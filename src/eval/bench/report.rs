@@ -121,6 +121,9 @@ impl BenchReport {
                 let _ = write!(text, "\n{part}");
             }
         }
+        for why in &self.not_run {
+            let _ = writeln!(text, "\nnot run: {why}");
+        }
         if !self.not_found.is_empty() {
             let _ = writeln!(text, "\nnot found: {}", self.not_found.join(", "));
         }

@@ -31,8 +31,8 @@ pub struct BenchOptions {
     pub until: BenchStage,
     /// Number of rounds, from 1.
     pub rounds: usize,
-    /// Other programs, which take turns with this one.
-    pub others: Vec<BenchProgram>,
+    /// Whether pycolmap takes turns with this program.
+    pub with_pycolmap: bool,
 }
 
 /// A program that can run.
@@ -41,7 +41,8 @@ struct Ready {
     version: String,
 }
 
-/// Runs all sets and returns what they took; `note` gets a line before each run.
+/// Runs all sets and returns what they took; `note` gets a line before each run,
+/// and one for each program that cannot run.
 ///
 /// A set that fails does not stop the others.
 ///
@@ -59,10 +60,14 @@ pub fn run_bench(options: &BenchOptions, note: &mut dyn FnMut(&str)) -> Result<B
         version: options.version.clone(),
     }];
     let mut not_run = Vec::new();
-    for &program in &options.others {
+    if options.with_pycolmap {
+        let program = BenchProgram::Pycolmap;
         match pycolmap::version(work.path()) {
             Ok(version) => ready.push(Ready { program, version }),
-            Err(error) => not_run.push(format!("{error:#}")),
+            Err(error) => {
+                note(&format!("warning: {error:#}"));
+                not_run.push(format!("{error:#}"));
+            }
         }
     }
     let bench = Bench {
