@@ -108,9 +108,9 @@ fn rendered_images_are_measured_and_scored_without_pycolmap() {
 fn write_set(data: &Path, folder: &str, views: usize) {
     let scene = Scene::build(&SceneOptions {
         views,
-        width: 320,
-        height: 240,
-        arc_deg: 12.0,
+        width: 640,
+        height: 480,
+        arc_deg: 38.4,
         ..SceneOptions::default()
     });
     let set = data.join(folder);

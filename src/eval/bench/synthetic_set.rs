@@ -10,6 +10,11 @@ use ostra_core::job::Progress;
 ///
 /// They are 2.4° apart. Neighbours overlap much, as in a video of which every tenth frame is used.
 const PER_ROW: usize = 50;
+/// Largest angle between neighbours of a single row with few images, in degrees.
+///
+/// Four images 2.4° apart have too little parallax for a start; three that are this far apart have
+/// enough.
+const SPACING_DEG: f64 = 4.8;
 
 /// Renders so many images of the synthetic plant along a path, 640 × 480 pixels, into a folder.
 ///
@@ -26,8 +31,9 @@ pub fn render_set(images: usize, folder: &Path) -> Result<DataSet> {
         rows,
         width: 640,
         height: 480,
-        // A single row is as long as it has images, so that these are as far apart as others.
-        arc_deg: defaults.arc_deg * (images.min(PER_ROW) as f64 / PER_ROW as f64),
+        arc_deg: defaults
+            .arc_deg
+            .min(SPACING_DEG * images.saturating_sub(1) as f64),
         ..defaults
     })?;
     scene.write_photos(folder, &Progress::default())?;
