@@ -101,6 +101,14 @@ fn being_prepared(session: &mut Session) -> Sender<()> {
     sender
 }
 
+#[expect(
+    clippy::disallowed_methods,
+    reason = "`settle` would wait for the job that prepares the frame, too"
+)]
+fn pause() {
+    std::thread::sleep(Duration::from_millis(1));
+}
+
 /// Clicks and waits for the answer only; returns the title of its step and the notices.
 fn answered(session: &mut Session) -> (String, Vec<String>) {
     session.act(click_by_auto()).unwrap();
@@ -116,7 +124,7 @@ fn answered(session: &mut Session) -> (String, Vec<String>) {
                 _ => {}
             }
         }
-        std::thread::sleep(Duration::from_millis(1));
+        pause();
     }
 }
 
@@ -131,7 +139,7 @@ fn preview(session: &mut Session) -> LabelMask {
         if let Some(mask) = session.hovered() {
             return mask.decode();
         }
-        std::thread::sleep(Duration::from_millis(1));
+        pause();
     }
 }
 
