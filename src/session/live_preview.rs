@@ -5,13 +5,17 @@ use ostra_cloud::{LabelledCloud, SceneError};
 use ostra_core::job::{JobId, Stopped};
 use ostra_frames::{Frame, FrameStore};
 use ostra_geometry::Pose;
-use ostra_reconstruct::stereo::{DepthEstimate, DepthStore, Stage, raster_image};
+use ostra_reconstruct::stereo::{DepthEstimate, DepthStore, FilterOptions, Stage, raster_image};
 
 /// Maximum number of points shown per view and in total while a reconstruction runs.
 const POINTS_A_VIEW: usize = 20_000;
 const POINTS: usize = 2_000_000;
 /// Minimum confidence, 0–255, at which a pixel's depth is shown before filtering.
 const CONFIDENT: u8 = 160;
+/// Minimum share of a view's pixels in a connected surface that is shown before filtering.
+///
+/// Smaller ones are mostly wrong. They lie scattered between the cameras and the object, and hide it.
+const SURFACE_SHARE: f32 = 0.001;
 
 /// Points that a running job has made or placed so far, for display.
 ///
@@ -153,12 +157,18 @@ impl DepthStore for WatchedDepths<'_> {
 
     fn save(&self, frame: usize, stage: Stage, estimate: DepthEstimate) -> Result<(), SceneError> {
         if self.sink.is_watched() {
-            let least = if let Stage::Round(_) = stage {
-                CONFIDENT
+            let points = if let Stage::Round(_) = stage {
+                let least = (SURFACE_SHARE * estimate.depths.len() as f32) as usize;
+                let mut surfaces = estimate.clone();
+                surfaces.keep_surfaces(
+                    CONFIDENT,
+                    least,
+                    FilterOptions::default().surface_tolerance,
+                );
+                self.points(frame, &surfaces)?
             } else {
-                0
+                self.points(frame, &estimate)?
             };
-            let points = self.points(frame, &estimate, least)?;
             self.sink.show(frame, points)?;
         }
         self.depths.save(frame, stage, estimate)
@@ -170,21 +180,15 @@ impl DepthStore for WatchedDepths<'_> {
 }
 
 impl WatchedDepths<'_> {
-    /// Returns an evenly spaced sample of a view's points with at least this confidence.
-    fn points(
-        &self,
-        frame: usize,
-        estimate: &DepthEstimate,
-        least: u8,
-    ) -> Result<LabelledCloud, SceneError> {
+    /// Returns an evenly spaced sample of a view's points.
+    fn points(&self, frame: usize, estimate: &DepthEstimate) -> Result<LabelledCloud, SceneError> {
         let mut cloud = LabelledCloud::default();
         let Some((lens, pose)) = self.frames[frame].posed_camera() else {
             return Ok(cloud);
         };
         let colors = raster_image(&self.frames[frame], lens, self.images, self.max_side)?;
         let world_from_camera = pose.inverse();
-        let known = (0..estimate.depths.len())
-            .filter(|&at| estimate.depths[at] > 0.0 && estimate.confidence[at] >= least);
+        let known = (0..estimate.depths.len()).filter(|&at| estimate.depths[at] > 0.0);
         let step = (known.clone().count() / POINTS_A_VIEW).max(1);
         for at in known.step_by(step) {
             let (x, y) = (at % estimate.width(), at / estimate.width());

@@ -389,7 +389,7 @@ fn unknown_scale_is_reported_next_to_every_measure_until_it_is_set() {
     let results = &mut harness.state_mut().project.results;
     results.remove(&ResultKind::Cameras);
     harness.run_steps(4);
-    harness.get_by_label("Metres only if the given cameras are –");
+    harness.get_by_label("Given cameras are taken as metres");
     starts(&mut harness, button);
 }
 

@@ -208,8 +208,12 @@ class Window:
         time.sleep(0.3)
 
     def click(self, name, role=None, last=False):
-        """Clicks the middle of a widget."""
-        x, y, width, height = self.rect(self.find(name, role, last=last))
+        """Clicks the middle of a widget, once it stays where it is."""
+        def resting():
+            before = self.rect(self.find(name, role, last=last))
+            time.sleep(0.4)
+            return before if self.rect(self.find(name, role, last=last)) == before else None
+        x, y, width, height = self.wait(resting, 20, f"{name!r} does not stay where it is")
         self.press_at(x + width / 2, y + height / 2)
 
     def on_image(self, x, y, size):

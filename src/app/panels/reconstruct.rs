@@ -214,7 +214,8 @@ fn side_ui(ui: &mut Ui, max_side: &mut Option<u32>) {
         *max_side = (!full).then_some(1600);
     }
     if let Some(side) = max_side {
-        ui.add(DragValue::new(side).range(SIDES).suffix(" px"));
+        ui.add(DragValue::new(side).range(SIDES).suffix(" px"))
+            .accessible_name("Longest side");
     }
 }
 

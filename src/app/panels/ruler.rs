@@ -102,8 +102,8 @@ pub(crate) fn scale_note_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut V
     let has_points = session.root.is_some() && session.points().is_some();
     if has_points && session.project.is_unit_assumed() {
         ui.horizontal_wrapped(|ui| {
-            let tip = "A model made from photos alone, as by COLMAP, has no unit";
-            ui.weak("Metres only if the given cameras are –")
+            let tip = "A model made from photos alone, as by COLMAP, has no unit; measure a known length then";
+            ui.weak("Given cameras are taken as metres")
                 .on_hover_text(tip);
             start_ui(ui, view);
         });

@@ -177,7 +177,7 @@ fn steps_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
             .suffix("°")
             .max_decimals(0);
         let tip = "Largest angle between the normals of neighbouring points";
-        ui.name_inputs("Angle of normals", |ui| add_explained(ui, angle, tip, none));
+        add_explained(ui, angle, tip, none).accessible_name("Angle of normals");
         let color = DragValue::new(&mut select.likeness.color)
             .range(0.0..=100.0)
             .prefix("ΔE ")

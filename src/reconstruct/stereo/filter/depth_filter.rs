@@ -135,6 +135,22 @@ fn fill_run(
     }
 }
 
+impl DepthEstimate {
+    /// Clears all depths but those of connected surfaces of at least `pixels` pixels.
+    ///
+    /// Pixels below the confidence `least`, 0–255, are cleared first. Neighbouring pixels belong to
+    /// one surface if their depths differ by at most the share `tolerance`, 0–1.
+    pub fn keep_surfaces(&mut self, least: u8, pixels: usize, tolerance: f32) {
+        for at in 0..self.depths.len() {
+            if self.confidence[at] < least {
+                self.clear(at);
+            }
+        }
+        let support = vec![1; self.depths.len()];
+        remove_speckles(self, &support, pixels, tolerance);
+    }
+}
+
 /// Removes connected surfaces that other views support too little.
 ///
 /// A small surface stays if many views see it, as for the pieces of a thin part. `support` counts
