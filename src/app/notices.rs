@@ -30,10 +30,16 @@ pub struct Notices {
     drawn_ms: Vec<Option<u64>>,
     /// Warnings that a form showed while the user could still choose otherwise.
     read_before: Vec<String>,
+    /// Whether all are drawn.
+    is_expanded: bool,
 }
 
-/// Maximum number of notices. More would cover the window, so the oldest are dropped.
-const MOST: usize = 5;
+/// Number of notices drawn until the user asks for all. More would cover what they are about.
+const DRAWN: usize = 3;
+/// Maximum number of notices that are kept; the oldest are dropped.
+const KEPT: usize = 500;
+/// Height of all notices as a share of the panes, 0–1.
+const HEIGHT_SHARE: f32 = 0.7;
 /// Time for which a note is shown, in milliseconds.
 const NOTE_MS: u64 = 10_000;
 
@@ -56,8 +62,17 @@ impl Notices {
             self.shown.push(notice);
             self.drawn_ms.push(None);
         }
-        if self.shown.len() > MOST {
+        if self.shown.len() > KEPT {
             self.remove(0);
+        }
+    }
+
+    /// Returns the number of notices that are not drawn: the oldest ones.
+    fn folded(&self) -> usize {
+        if self.is_expanded {
+            0
+        } else {
+            self.shown.len().saturating_sub(DRAWN)
         }
     }
 
@@ -71,7 +86,7 @@ impl Notices {
     /// Returns the time until the next one is removed, in milliseconds.
     fn remove_read(&mut self, now_ms: u64) -> Option<u64> {
         let mut left = None;
-        for index in (0..self.shown.len()).rev() {
+        for index in (self.folded()..self.shown.len()).rev() {
             let since = *self.drawn_ms[index].get_or_insert(now_ms);
             if self.shown[index].severity != Severity::Note {
                 continue;
@@ -87,7 +102,7 @@ impl Notices {
         left
     }
 
-    /// Returns the notices currently shown.
+    /// Returns the notices that were not dismissed.
     #[must_use]
     pub fn shown(&self) -> &[Notice] {
         &self.shown
@@ -103,6 +118,7 @@ pub(super) fn notices_ui(ui: &Ui, notices: &mut Notices, panes: Rect) {
         ui.ctx().request_repaint_after(Duration::from_millis(left));
     }
     if notices.shown.is_empty() {
+        notices.is_expanded = false;
         return;
     }
     let mut dismissed = None;
@@ -111,16 +127,50 @@ pub(super) fn notices_ui(ui: &Ui, notices: &mut Notices, panes: Rect) {
         .fixed_pos(panes.right_bottom() - egui::vec2(12.0, 12.0))
         .order(egui::Order::Foreground)
         .show(ui.ctx(), |ui| {
-            for (index, notice) in notices.shown.iter().enumerate() {
-                if notice_ui(ui, notice) {
-                    dismissed = Some(index);
-                }
-                ui.add_space(6.0);
+            if notices.shown.len() > DRAWN {
+                all_ui(ui, notices);
             }
+            let folded = notices.folded();
+            egui::ScrollArea::vertical()
+                .max_height(HEIGHT_SHARE * panes.height())
+                .stick_to_bottom(true)
+                .show(ui, |ui| {
+                    for (index, notice) in notices.shown.iter().enumerate().skip(folded) {
+                        if notice_ui(ui, notice) {
+                            dismissed = Some(index);
+                        }
+                        ui.add_space(6.0);
+                    }
+                });
         });
     if let Some(index) = dismissed {
         notices.remove(index);
     }
+}
+
+/// Draws the number of notices, and buttons for all of them.
+fn all_ui(ui: &mut Ui, notices: &mut Notices) {
+    let frame = egui::Frame::popup(ui.style()).inner_margin(6.0);
+    frame.show(ui, |ui| {
+        ui.set_width(388.0);
+        ui.horizontal(|ui| {
+            ui.label(format!("{} messages", notices.shown.len()));
+            let (text, tip) = if notices.is_expanded {
+                ("Show the last ones", "Show only the last messages")
+            } else {
+                ("Show all", "Show the earlier messages, too")
+            };
+            if ui.button(text).on_hover_text(tip).clicked() {
+                notices.is_expanded = !notices.is_expanded;
+            }
+            let all = ui.button("Dismiss all");
+            if all.on_hover_text("Dismiss all messages").clicked() {
+                notices.shown.clear();
+                notices.drawn_ms.clear();
+            }
+        });
+    });
+    ui.add_space(6.0);
 }
 
 fn notice_ui(ui: &mut Ui, notice: &Notice) -> bool {
@@ -156,16 +206,25 @@ mod tests {
     use super::*;
 
     #[test]
-    fn duplicates_are_shown_once_and_oldest_notices_are_dropped() {
+    fn duplicates_are_kept_once_and_notes_that_were_not_drawn_stay() {
         let mut notices = Notices::default();
-        notices.tell(Severity::Error, "a");
-        notices.tell(Severity::Error, "a");
+        notices.tell(Severity::Note, "a");
+        notices.tell(Severity::Note, "a");
         assert_eq!(notices.shown().len(), 1);
-        for n in 0..9 {
+        for n in 0..DRAWN {
             notices.tell(Severity::Warning, n.to_string());
         }
-        assert_eq!(notices.shown().len(), MOST);
-        assert_eq!(notices.shown()[MOST - 1].text, "8");
+        assert_eq!(notices.folded(), 1);
+        assert_eq!(notices.remove_read(0), None);
+        assert_eq!(notices.remove_read(2 * NOTE_MS), None);
+        assert_eq!(notices.shown().len(), DRAWN + 1);
+        notices.is_expanded = true;
+        assert_eq!(notices.remove_read(3 * NOTE_MS), Some(NOTE_MS));
+        for n in 0..2 * KEPT {
+            notices.tell(Severity::Warning, n.to_string());
+        }
+        assert_eq!(notices.shown().len(), KEPT);
+        assert_eq!(notices.shown()[KEPT - 1].text, (2 * KEPT - 1).to_string());
     }
 
     #[test]

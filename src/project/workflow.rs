@@ -194,6 +194,10 @@ fn geometry_status(project: &Project) -> StepStatus {
     let is_done = count(Frame::has_posed_depth) > 0;
     let (state, text) = match (is_done, is_stale) {
         (true, true) => (StepState::Stale, "out of date".into()),
+        (true, false) if cameras < project.frames.len() => {
+            let text = format!("{cameras} of {} cameras", project.frames.len());
+            (StepState::Done, text)
+        }
         (true, false) => (StepState::Done, counted(cameras, "camera", "cameras")),
         (false, _) if cameras > 0 => (StepState::Open, "no depth maps".into()),
         (false, _) if depths > 0 => (StepState::Open, "no cameras".into()),
@@ -323,6 +327,19 @@ mod tests {
         );
         project.masks.insert(0, keyframe([0, 1, 0]));
         assert_eq!(flow(&project).next, WorkflowStep::Track);
+        let text = |project: &Project| {
+            flow(project)
+                .of(WorkflowStep::Geometry)
+                .unwrap()
+                .text
+                .clone()
+        };
+        assert_eq!(text(&project), "2 cameras");
+        let mut partly = project.clone();
+        let mut frames = partly.frames.to_vec();
+        frames[1].camera = None;
+        partly.frames = Arc::new(frames);
+        assert_eq!(text(&partly), "1 of 2 cameras");
         let stale = ResultRecord {
             stale: true,
             ..ResultRecord::default()

@@ -24,7 +24,7 @@ use crate::desk::{Desk, image};
 
 type Scene = (&'static str, fn() -> Desk, fn(&mut Desk));
 
-const SCENES: [Scene; 22] = [
+const SCENES: [Scene; 23] = [
     ("shelf", shelf, |_| ()),
     ("shelf_labels", shelf, |desk| {
         desk.shell.view.coloring = Coloring::Label;
@@ -131,6 +131,15 @@ const SCENES: [Scene; 22] = [
             Severity::Warning,
             "3 frames have no depth and were left out: 000003, 000007, 000009",
         );
+    }),
+    ("notices_many", Desk::sample, |desk| {
+        let notices = &mut desk.shell.view.notices;
+        for frame in 430..438 {
+            let text = format!(
+                "DSC_0{frame}.jpg has no camera: no other image shows the same scene; take images between it and the others"
+            );
+            notices.tell(Severity::Warning, text);
+        }
     }),
     ("confidence", Desk::sample, |desk| {
         desk.shell.view.prefs.panes = Panes::Scene;

@@ -306,6 +306,36 @@ fn network_input_size_can_be_chosen() {
 }
 
 #[test]
+fn many_warnings_are_folded_and_all_of_them_can_be_read() {
+    let mut harness = Desk::sample().shown();
+    let texts: Vec<String> = (0..7).map(|n| format!("{n}.jpg has no camera")).collect();
+    for text in &texts {
+        let notices = &mut harness.state_mut().shell.view.notices;
+        notices.tell(Severity::Warning, text.as_str());
+    }
+    harness.run_steps(3);
+    let drawn = |harness: &egui_kittest::Harness<'_, Desk>| -> Vec<bool> {
+        let is_there = |text: &String| harness.query_by_label(text).is_some();
+        texts.iter().map(is_there).collect()
+    };
+    assert_eq!(
+        drawn(&harness),
+        [false, false, false, false, true, true, true]
+    );
+    harness.get_by_label("7 messages");
+    harness.get_by_label("Show all").click();
+    harness.run_steps(3);
+    assert_eq!(drawn(&harness), [true; 7]);
+    harness.get_by_label("Show the last ones").click();
+    harness.run_steps(3);
+    assert!(!drawn(&harness)[0]);
+    harness.get_by_label("Dismiss all").click();
+    harness.run_steps(3);
+    assert_eq!(drawn(&harness), [false; 7]);
+    assert!(harness.state().shell.view.notices.shown().is_empty());
+}
+
+#[test]
 fn errors_are_shown_once_and_can_be_dismissed() {
     let mut harness = Desk::sample().shown();
     for _ in 0..2 {

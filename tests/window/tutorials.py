@@ -85,7 +85,7 @@ def bananas(window, data):
     window.click("Automatic", "check box")
     window.click("Longest side", "spin button")
     window.key("ctrl+a")
-    window.type("480")
+    window.type("800")
     window.key("Return")
     window.shot("cameras-and-depth")
     window.key("r")

@@ -12,6 +12,7 @@ use crate::Session;
 use crate::engines::{identity, matcher};
 use crate::jobs::JobContext;
 use crate::live_preview::WatchedDepths;
+use ostra_cloud::fuse::naming;
 use ostra_compute::gpu::{Device, GpuError, Software};
 use ostra_core::job::Progress;
 use ostra_frames::cameras::{ModelEncoding, SparsePoints, read_sparse_model, write_colmap_model};
@@ -403,13 +404,23 @@ fn settings(
     )
 }
 
-/// Returns one line per view without depth, up to a maximum number.
+/// Returns one line per view without depth, up to a maximum number, and one for all that have no
+/// camera.
 fn views_without_depth(frames: &[Frame], outcomes: &BTreeMap<usize, ViewOutcome>) -> Vec<String> {
-    let failed = outcomes
-        .iter()
-        .filter(|(_, outcome)| !matches!(outcome, ViewOutcome::Done { .. }));
-    let lines = failed
-        .map(|(&frame, why)| format!("{} has no depth: {why}", frames[frame].name))
-        .collect();
-    left_out(lines, "depth")
+    let (mut lines, mut no_camera) = (Vec::new(), Vec::new());
+    for (&frame, outcome) in outcomes {
+        let name = frames[frame].name.as_str();
+        match outcome {
+            ViewOutcome::Done { .. } => {}
+            ViewOutcome::NoCamera => no_camera.push(name),
+            why => lines.push(format!("{name} has no depth: {why}")),
+        }
+    }
+    let mut lines = left_out(lines, "depth");
+    if let [name] = no_camera[..] {
+        lines.push(format!("{name} has no depth: {}", ViewOutcome::NoCamera));
+    } else {
+        lines.extend(naming("have no camera and get no depth", &no_camera));
+    }
+    lines
 }
