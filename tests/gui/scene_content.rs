@@ -217,6 +217,19 @@ fn button_shows_cameras_that_are_outside_the_view_of_a_cloud() {
 }
 
 #[test]
+fn no_button_shows_cameras_while_their_edges_are_in_view() {
+    let size = egui::Vec2::new(1296.0, 816.0);
+    let mut harness = Desk::sample().shown_at(Harness::builder(), size);
+    assert!(harness.state().shell.view.prefs.frusta);
+    harness.run_steps(4);
+    assert!(harness.query_by_label("Show cameras").is_none());
+    // Frustums of no size are points, which lie beside the view.
+    harness.state_mut().shell.view.prefs.scene.frustum = 0.0;
+    harness.run_steps(4);
+    harness.get_by_label("Show cameras");
+}
+
+#[test]
 fn points_of_depth_maps_are_shown_until_there_is_a_cloud() {
     let mut desk = desk();
     desk.depth_points = Some(Arc::new(DepthPoints {

@@ -9,7 +9,9 @@ use super::scene_content::SceneViewport;
 use crate::{Action, SessionView, ViewState};
 use ostra_cloud::LabelledCloud;
 use ostra_frames::Frame;
-use ostra_view::{Axes, Bounds, Orbit, ViewCamera, default_view, is_any_in_view};
+use ostra_view::{
+    Axes, Bounds, LineVertex, Orbit, ViewCamera, default_view, frustum_lines, is_any_in_view,
+};
 
 /// Kind of content that a view is framed for.
 ///
@@ -293,7 +295,7 @@ fn thinned(cloud: &LabelledCloud) -> LabelledCloud {
 /// Whether anything is in view, remembered while the view rests.
 #[derive(Default)]
 pub(super) struct InView {
-    last: Option<(ViewCamera, Option<Weak<LabelledCloud>>)>,
+    last: Option<(ViewCamera, f32, Option<Weak<LabelledCloud>>)>,
     /// What the last camera misses, once it is known.
     missed: Option<Missed>,
 }
@@ -303,19 +305,26 @@ pub(super) struct InView {
 struct Missed {
     /// Whether there are points, but none in view.
     points: bool,
-    /// Whether there are cameras, but none in view.
+    /// Whether there are cameras, but no edge of their frustums is in view.
     cameras: bool,
 }
 
 impl Missed {
-    fn of(session: &SessionView<'_>, camera: &ViewCamera) -> Self {
+    /// Looks for points and for frustums that are `depth` deep.
+    fn of(session: &SessionView<'_>, camera: &ViewCamera, depth: f32) -> Self {
+        const STEPS: u8 = 8;
         let misses = |places: &[Vec3]| !places.is_empty() && !is_any_in_view(places, camera);
-        let centres: Vec<Vec3> = centres(session).collect();
+        let ends = frustum_lines(&session.project.frames, depth, None);
+        let along = |[from, to]: &[LineVertex; 2]| {
+            let (from, to) = (Vec3::from(from.position), Vec3::from(to.position));
+            (0..=STEPS).map(move |step| from.lerp(to, f32::from(step) / f32::from(STEPS)))
+        };
+        let edges: Vec<Vec3> = ends.as_chunks().0.iter().flat_map(along).collect();
         Self {
             points: session
                 .points()
                 .is_some_and(|points| misses(&points.positions)),
-            cameras: misses(&centres),
+            cameras: misses(&edges),
         }
     }
 }
@@ -324,31 +333,40 @@ impl InView {
     /// Returns what is not in view.
     ///
     /// All points may have to be tried, so this is found out when the view rests.
-    fn missed(&mut self, ui: &Ui, session: &SessionView<'_>, camera: ViewCamera) -> Missed {
+    fn missed(
+        &mut self,
+        ui: &Ui,
+        session: &SessionView<'_>,
+        camera: ViewCamera,
+        frustum_depth: f32,
+    ) -> Missed {
         let cloud = session.points().map(Arc::downgrade);
-        let is_same = self
-            .last
-            .as_ref()
-            .is_some_and(|(seen_by, of)| match (of, &cloud) {
-                (Some(of), Some(cloud)) => *seen_by == camera && of.ptr_eq(cloud),
-                (of, cloud) => *seen_by == camera && of.is_none() && cloud.is_none(),
-            });
+        let is_same = self.last.as_ref().is_some_and(|(seen_by, depth, of)| {
+            let is_same_cloud = match (of, &cloud) {
+                (Some(of), Some(cloud)) => of.ptr_eq(cloud),
+                (of, cloud) => of.is_none() && cloud.is_none(),
+            };
+            *seen_by == camera && *depth == frustum_depth && is_same_cloud
+        });
         if !is_same {
-            self.last = Some((camera, cloud));
+            self.last = Some((camera, frustum_depth, cloud));
             self.missed = None;
             ui.ctx().request_repaint();
             return Missed::default();
         }
         *self
             .missed
-            .get_or_insert_with(|| Missed::of(session, &camera))
+            .get_or_insert_with(|| Missed::of(session, &camera, frustum_depth))
     }
 
     /// Draws a button that brings everything into view where nothing is, or the cameras.
+    ///
+    /// `frustum_depth` is the depth that frustums are drawn with, in world units.
     pub(super) fn ui(
         &mut self,
         ui: &mut Ui,
         viewport: &SceneViewport,
+        frustum_depth: f32,
         session: &SessionView<'_>,
         view: &ViewState,
         actions: &mut Vec<Action>,
@@ -358,7 +376,7 @@ impl InView {
         if !has_points && !has_frusta {
             return;
         }
-        let missed = self.missed(ui, session, viewport.camera);
+        let missed = self.missed(ui, session, viewport.camera, frustum_depth);
         // Clicks of the ruler and drags that select points are not to end on the button.
         let is_free = !view.ruler.in_hand && !view.scene_select.in_hand;
         let (action, what) = if missed.points {

@@ -138,7 +138,9 @@ impl ScenePane {
         chosen_ui(ui, &viewport, session, view, actions);
         scene_context_ui(ui, rect, session, view, actions);
         own_camera_note_ui(ui, rect, session);
-        self.in_view.ui(ui, &viewport, session, view, actions);
+        let depth = self.frustum_depth(view);
+        self.in_view
+            .ui(ui, &viewport, depth, session, view, actions);
         is_dragged
     }
 
@@ -400,8 +402,14 @@ impl ScenePane {
         }
     }
 
+    /// Returns the depth that frustums are drawn with, in world units.
+    fn frustum_depth(&self, view: &ViewState) -> f32 {
+        self.framed.radius * view.prefs.scene.frustum
+    }
+
     fn draw(&mut self, ui: &Ui, rect: Rect, session: &SessionView<'_>, view: &ViewState) {
         let style = self.style(ui, session, view);
+        let frustum_depth = self.frustum_depth(view);
         let (Some(orbit), Some(canvas)) = (self.orbit, &mut self.canvas) else {
             return message(
                 ui,
@@ -414,10 +422,9 @@ impl ScenePane {
         let most = ui.input(|i| i.max_texture_side) as f32;
         let (mut lines, mut planes) = (Vec::new(), Vec::new());
         if view.prefs.frusta {
-            let size = self.framed.radius * view.prefs.scene.frustum;
-            lines = frustum_lines(&session.project.frames, size, Some(view.frame));
+            lines = frustum_lines(&session.project.frames, frustum_depth, Some(view.frame));
             if view.prefs.scene.images {
-                planes = image_planes(session, view, size);
+                planes = image_planes(session, view, frustum_depth);
             }
         }
         if let Some(sparse) = session.sparse.filter(|_| view.prefs.links) {
