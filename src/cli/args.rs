@@ -9,7 +9,9 @@ use super::eval::EvalCommand;
 use super::info::InfoArgs;
 use super::masks::{CleanArgs, GroundArgs, MasksArgs, PromptArgs, TraceArgs};
 use super::models::ModelsCommand;
-use super::project::{LabelArgs, ReconstructArgs, RelocateArgs, ScaleArgs, TrackArgs};
+use super::project::{
+    LabelArgs, ReconstructArgs, RelocateArgs, ScaleArgs, SelectModelArgs, TrackArgs,
+};
 use super::shot::ShotArgs;
 use super::sources::{AddArgs, NewArgs};
 use ostra_compute::nn::Provider;
@@ -92,6 +94,8 @@ pub(super) enum Subcommand {
     },
     /// Compute cameras and depth maps.
     Reconstruct(ReconstructArgs),
+    /// Use another one of the models that the images fall into, as listed by 'ostra info'.
+    SelectModel(SelectModelArgs),
     /// Set the scale from a known length, such as a ruler.
     Scale(ScaleArgs),
     /// Fuse depth maps into a cloud and label each point by a vote of all views.

@@ -15,7 +15,7 @@ use ostra_cloud::conflicts::FrameConflict;
 use ostra_frames::{Frame, missing_sources};
 use ostra_project::review::{FLAG_BELOW, Review, ReviewCriteria, review};
 use ostra_project::store::feature_cache_path;
-use ostra_project::{MaskOrigin, Presence, Project, ResultKind, StepSeconds};
+use ostra_project::{MaskOrigin, Presence, Project, ResultKind, ResultRecord, StepSeconds};
 use ostra_reconstruct::sfm::{feature_cache_bytes, remove_feature_cache};
 use ostra_session::Unfinished;
 
@@ -196,6 +196,26 @@ fn as_text(project: &Project, review: &Review, has_conflicts: bool) -> String {
             record.frames,
             record.seconds,
             steps_text(&record.steps)
+        );
+        text += &models_text(record);
+    }
+    text
+}
+
+/// Returns a line for each model that the images fall into, or nothing if there is only one.
+fn models_text(record: &ResultRecord) -> String {
+    let in_use = record.model_in_use();
+    let mut text = String::new();
+    for (index, model) in record.models.iter().enumerate() {
+        let note = if in_use == Some(index) {
+            ", in use"
+        } else {
+            ""
+        };
+        let (number, images, points) = (index + 1, model.frames, model.points);
+        let _ = writeln!(
+            text,
+            "  model {number}: {images} images, {points} points{note}"
         );
     }
     text

@@ -136,6 +136,16 @@ pub(super) struct ReconstructArgs {
 }
 
 #[derive(Debug, Args)]
+pub(super) struct SelectModelArgs {
+    /// Project folder.
+    pub project: PathBuf,
+    /// Number of the model. Frames outside it have no camera then; depth maps and the cloud become
+    /// stale.
+    #[arg(value_name = "N")]
+    pub model: usize,
+}
+
+#[derive(Debug, Args)]
 pub(super) struct ScaleArgs {
     /// Project folder.
     pub project: PathBuf,
@@ -226,6 +236,11 @@ pub(super) fn reconstruct(args: ReconstructArgs) -> Result<()> {
         &[ResultKind::Cameras, ResultKind::Depths],
         args.json,
     )
+}
+
+pub(super) fn select_model(args: &SelectModelArgs) -> Result<()> {
+    let command = Command::SelectModel { model: args.model };
+    Driver::open(&args.project)?.act_and_save([command])
 }
 
 pub(super) fn scale(args: ScaleArgs) -> Result<()> {

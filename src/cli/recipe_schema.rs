@@ -160,6 +160,7 @@ fn commands() -> Vec<Value> {
         {"import_masks": {"dir": "masks", "format": "coco"}},
         {"export_masks": {"dir": "masks", "format": "coco", "overwrite": true}},
         {"track": track}, "suggest", {"propose": {"frame": 1, "segmenter": "sam"}}, {"reconstruct": reconstruct},
+        {"select_model": {"model": 2}},
         {"scale": {"ends": [{"world": [0.0, 0.0, 1.0]}, {"seen": [[0, [1.0, 2.0]], [1, [3.0, 4.0]]]}], "length": 0.5}},
         {"fuse": {"voxel": 0.01, "min_confidence": 0.5, "drop_unlabelled": true, "onto": "a.ply"}},
         {"export": export}, {"export": {"ground": {"label": 1}}},

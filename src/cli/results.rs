@@ -6,21 +6,37 @@ use serde_json::{Map, Value, json};
 use super::drive::Driver;
 use super::memory::peak_bytes;
 use super::print::print_json;
-use ostra_project::{Project, ResultKind};
+use ostra_project::{Project, ResultKind, ResultRecord, SparseModelRecord};
 use ostra_session::Command;
 
 /// Returns the results of a project by name.
 pub(super) fn results_json(project: &Project) -> Map<String, Value> {
-    let value = |(kind, record): (&ResultKind, &ostra_project::ResultRecord)| {
+    let value = |(kind, record): (&ResultKind, &ResultRecord)| {
         let mut value = json!({
             "engine": record.engine.name(), "frames": record.frames, "seconds": record.seconds, "stale": record.stale,
         });
         if !record.steps.is_empty() {
             value["steps"] = json!(record.steps);
         }
+        if !record.models.is_empty() {
+            value["models"] = models_json(record);
+        }
         (result_name(*kind).to_owned(), value)
     };
     project.results.iter().map(value).collect()
+}
+
+/// Returns the models that the images fall into.
+fn models_json(record: &ResultRecord) -> Value {
+    let in_use = record.model_in_use();
+    let models = record.models.iter().enumerate();
+    let model = |(index, model): (usize, &SparseModelRecord)| {
+        json!({
+            "model": index + 1, "images": model.frames, "points": model.points,
+            "in_use": in_use == Some(index),
+        })
+    };
+    models.map(model).collect()
 }
 
 /// Returns the name of a kind of result in texts and JSON.

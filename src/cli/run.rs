@@ -79,6 +79,7 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
         Subcommand::Range(args) => range::range(&args),
         Subcommand::Suggest { project, frame } => suggest(&project, frame),
         Subcommand::Reconstruct(args) => project::reconstruct(args),
+        Subcommand::SelectModel(args) => project::select_model(&args),
         Subcommand::Scale(args) => project::scale(args),
         Subcommand::Fuse(args) => cloud::fuse(args),
         Subcommand::Conflicts(args) => cloud::conflicts(&args),

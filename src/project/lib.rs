@@ -94,4 +94,6 @@ pub use requests::{
     ExportRequest, FuseRequest, PromptRequest, RangeChange, RangeRequest, ReconstructMethod,
     ReconstructRequest, ScaleEnd, ScaleRequest,
 };
-pub use results::{Coordinates, ResultEngine, ResultKind, ResultRecord, StepSeconds};
+pub use results::{
+    Coordinates, ResultEngine, ResultKind, ResultRecord, SparseModelRecord, StepSeconds,
+};

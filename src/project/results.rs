@@ -128,9 +128,73 @@ pub struct ResultRecord {
     /// Coordinates of cameras and clouds; `None` in records of older versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coordinates: Option<Coordinates>,
+    /// The models that the images of cameras fall into; empty if there is only one.
+    ///
+    /// The record describes the one whose version it has.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub models: Vec<SparseModelRecord>,
     /// Settings of a cloud, with lengths in its current unit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub request: Option<FuseRequest>,
+}
+
+/// One of several models that the images fall into. Nothing connects them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SparseModelRecord {
+    /// Number of its files under `versions/`.
+    pub version: u64,
+    /// Number of frames that have a camera in it.
+    pub frames: usize,
+    /// Number of its points.
+    pub points: usize,
+    /// Options that it was made with, as text for people.
+    #[serde(default)]
+    pub settings: String,
+    /// Its coordinates; those of the other models have nothing to do with them.
+    pub coordinates: Coordinates,
+    /// As in [`ResultRecord::scaled`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scaled: Option<f64>,
+}
+
+impl ResultRecord {
+    /// Returns the index of the model that the record describes; `None` if there is only one.
+    #[must_use]
+    pub fn model_in_use(&self) -> Option<usize> {
+        self.models
+            .iter()
+            .position(|model| model.version == self.version)
+    }
+
+    /// Returns the record of another one of its models.
+    #[must_use]
+    pub fn with_model(&self, model: &SparseModelRecord) -> Self {
+        Self {
+            version: model.version,
+            frames: model.frames,
+            settings: model.settings.clone(),
+            coordinates: Some(model.coordinates),
+            scaled: model.scaled,
+            ..self.clone()
+        }
+    }
+
+    /// Returns the record of cameras whose model got another version and other coordinates.
+    #[must_use]
+    pub fn with_coordinates(&self, version_before: u64, coordinates: Coordinates) -> Self {
+        let mut record = Self {
+            coordinates: Some(coordinates),
+            ..self.clone()
+        };
+        for model in &mut record.models {
+            if model.version == version_before {
+                model.version = self.version;
+                model.settings.clone_from(&self.settings);
+                (model.coordinates, model.scaled) = (coordinates, self.scaled);
+            }
+        }
+        record
+    }
 }
 
 /// Wall time of a step of a job.

@@ -74,6 +74,7 @@ impl Session {
             Command::Suggest => self.suggest().map(Some),
             Command::Propose { frame, segmenter } => self.propose(*frame, *segmenter).map(Some),
             Command::Reconstruct(request) => self.reconstruct(request).map(Some),
+            Command::SelectModel { model } => self.select_model(*model).map(|()| None),
             Command::Scale(request) => self.scale(request).map(Some),
             Command::Fuse(request) => self.fuse(request).map(Some),
             Command::Export(request) => self.export(request).map(Some),

@@ -142,6 +142,11 @@ pub enum Command {
     },
     /// Makes cameras and depths.
     Reconstruct(ReconstructRequest),
+    /// Uses another one of the models that the images fall into; nothing connects them.
+    SelectModel {
+        /// Number of the model, from 1.
+        model: usize,
+    },
     /// Scales cameras and points to metres with a known length.
     Scale(ScaleRequest),
     /// Makes the labelled cloud.

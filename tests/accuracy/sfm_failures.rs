@@ -258,7 +258,7 @@ fn larger_of_two_scenes_is_kept_and_the_other_reported() {
         let why = reason(&message, &format!("castle{k}.png"));
         assert!(
             why.starts_with(
-                "belongs to model 2 of 3 images, which is not connected with the one kept"
+                "belongs to model 2 of 3 images, which is not connected with the one in use"
             ),
             "{why}"
         );

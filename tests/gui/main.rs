@@ -18,6 +18,8 @@ mod answers;
 #[cfg(test)]
 mod book;
 #[cfg(test)]
+mod camera_models;
+#[cfg(test)]
 mod canvas;
 #[cfg(test)]
 mod conflicts;

@@ -79,6 +79,8 @@ mod review;
 #[cfg(test)]
 mod scale;
 #[cfg(test)]
+mod several_models;
+#[cfg(test)]
 mod shots;
 #[cfg(test)]
 mod stopping;

@@ -45,7 +45,7 @@ fn pose(azimuth: f64) -> Pose {
 }
 
 /// Returns the shade of a speckled surface, 0 to 1.
-fn speckles(x: f64, y: f64) -> f64 {
+pub(super) fn speckles(x: f64, y: f64) -> f64 {
     let corner = |x: f64, y: f64| {
         let mut mixed =
             (x as i64).wrapping_mul(0x9E37_79B9) ^ (y as i64).wrapping_mul(0x85EB_CA6B) ^ 77;

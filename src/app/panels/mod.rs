@@ -1,5 +1,6 @@
 //! Panels around the image and the 3-D view, one function per section.
 
+mod camera_models;
 mod conflicts;
 mod counts;
 mod filmstrip;

@@ -2,6 +2,7 @@
 
 use egui::Ui;
 
+use super::camera_models::camera_models_ui;
 use super::conflicts::conflicts_ui;
 use super::fuse::{fuse_advanced_ui, fuse_ui, results_ui};
 use super::reconstruct::{reconstruct_advanced_ui, reconstruct_ui};
@@ -112,6 +113,7 @@ fn step_ui(
         }
         WorkflowStep::Geometry => {
             reconstruct_ui(ui, session, view, &mut requests.actions);
+            camera_models_ui(ui, session, &mut requests.commands);
             advanced(ui, session, step, |ui| {
                 reconstruct_advanced_ui(ui, session, view, &mut requests.actions);
             });

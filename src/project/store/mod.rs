@@ -31,7 +31,8 @@ pub use load::read_frames;
 pub use lock::{Lock, LockError};
 pub use source_paths::joined;
 pub use sparse_model::{
-    load_links, load_outcomes, load_sparse, read_sparse, save_links, save_outcomes,
+    ModelCameras, load_cameras, load_links, load_outcomes, load_sparse, read_sparse, save_cameras,
+    save_links, save_outcomes,
 };
 pub use versions::{
     cloud_path, depth_versions, feature_cache_path, keep_mesh, keep_votes, mesh_path,

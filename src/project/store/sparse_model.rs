@@ -7,7 +7,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
+use glam::DVec3;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 
 use super::{durable, versions};
 use crate::{Project, ResultKind};
@@ -15,7 +17,7 @@ use ostra_core::disk;
 use ostra_frames::cameras::{
     ModelEncoding, SparsePoints, read_sparse_model, with_text_names, write_colmap_model,
 };
-use ostra_frames::{Frame, FrameError};
+use ostra_frames::{Frame, FrameCamera, FrameError};
 use ostra_reconstruct::rgbd::FrameLink;
 use ostra_reconstruct::sfm::RegistrationStatus;
 
@@ -87,6 +89,34 @@ const MAX_BYTES: u64 = 512 << 20;
 
 const OUTCOMES: &str = "outcomes.json";
 const LINKS: &str = "links.json";
+const CAMERAS: &str = "cameras.json";
+
+/// The cameras of one of several models, as the project takes them when the model is used.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ModelCameras {
+    /// Origin of the model's positions; see [`Project::origin`].
+    pub origin: DVec3,
+    /// Cameras by frame number. Those of other models have at most given intrinsics.
+    pub cameras: BTreeMap<usize, FrameCamera>,
+}
+
+/// Writes the cameras of one of several models next to its points.
+///
+/// # Errors
+///
+/// Returns an error if the file cannot be written.
+pub fn save_cameras(folder: &Path, cameras: &ModelCameras) -> Result<()> {
+    durable::replace(&folder.join(CAMERAS), &serde_json::to_vec(cameras)?)
+}
+
+/// Reads the cameras of one of several models.
+///
+/// # Errors
+///
+/// Returns an error if the file is missing or damaged.
+pub fn load_cameras(folder: &Path) -> Result<ModelCameras> {
+    load(&folder.join(CAMERAS))
+}
 
 /// Writes the outcome of each frame next to a sparse model.
 ///

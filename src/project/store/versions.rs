@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 
 use super::durable;
-use crate::{Edit, History, Project, ResultKind};
+use crate::{Edit, History, Project, ResultKind, ResultRecord};
 use ostra_core::disk;
 use ostra_frames::{DepthSource, Frame};
 
@@ -78,7 +78,7 @@ pub fn next(root: &Path, project: &Project, history: &History) -> Result<u64> {
     let on_disk = KINDS.iter().flat_map(|&kind| numbers(root, kind)).max();
     let named = KINDS
         .iter()
-        .flat_map(|&kind| referred(project, history, kind))
+        .flat_map(|&kind| referred(project, history, kind).into_keys())
         .max();
     Ok(on_disk.max(named).unwrap_or(0) + 1)
 }
@@ -206,21 +206,18 @@ pub fn collect(root: &Path, project: &Project, history: &History) {
 
 fn collect_kind(root: &Path, project: &Project, history: &History, kind: ResultKind) {
     let referred = referred(project, history, kind);
-    let Some(&newest) = referred.last() else {
+    let Some(&newest) = referred.keys().last() else {
         return;
     };
-    let in_force = version_in_force(project, kind);
-    let too_old = referred
-        .iter()
-        .rev()
-        .skip(KEPT + 1)
-        .copied()
-        .collect::<BTreeSet<_>>();
+    let in_force = project.results.get(&kind).map(versions_of);
+    let in_force = in_force.unwrap_or_default();
+    let runs: BTreeSet<u64> = referred.values().copied().collect();
+    let kept: BTreeSet<u64> = runs.into_iter().rev().take(KEPT + 1).collect();
     for version in numbers(root, kind)
         .into_iter()
-        .filter(|&version| version < newest && Some(version) != in_force)
+        .filter(|version| *version < newest && !in_force.contains(version))
     {
-        if !referred.contains(&version) || too_old.contains(&version) {
+        if !referred.get(&version).is_some_and(|run| kept.contains(run)) {
             remove(root, version, kind);
         }
     }
@@ -248,14 +245,26 @@ pub fn version_in_force(project: &Project, kind: ResultKind) -> Option<u64> {
         .filter(|&version| version > 0)
 }
 
-fn referred(project: &Project, history: &History, kind: ResultKind) -> BTreeSet<u64> {
+/// Returns the versions of a record: its own and, for cameras, those of all models.
+fn versions_of(record: &ResultRecord) -> BTreeSet<u64> {
+    let models = record.models.iter().map(|model| model.version);
+    models
+        .chain([record.version])
+        .filter(|&version| version > 0)
+        .collect()
+}
+
+/// Returns the versions that the project or its history refers to, each with its run.
+///
+/// The models of one reconstruction are one run, whose number is the highest of their versions.
+fn referred(project: &Project, history: &History, kind: ResultKind) -> BTreeMap<u64, u64> {
     let of_depth = |depth: &Option<DepthSource>| match depth {
         Some(DepthSource::Estimated { made, .. }) if kind == ResultKind::Depths => made
             .iter()
             .nth(1)?
             .to_str()?
             .strip_prefix(DEPTHS)?
-            .parse()
+            .parse::<u64>()
             .ok(),
         _ => None,
     };
@@ -263,24 +272,30 @@ fn referred(project: &Project, history: &History, kind: ResultKind) -> BTreeSet<
         Edit::SetResult {
             kind: of,
             record: Some(record),
-        } if *of == kind => Some(record.version),
-        Edit::SetDepth { depth, .. } => of_depth(depth),
-        Edit::SetFrame { value, .. } => of_depth(&value.depth),
-        _ => None,
+        } if *of == kind => versions_of(record),
+        Edit::SetDepth { depth, .. } => of_depth(depth).into_iter().collect(),
+        Edit::SetFrame { value, .. } => of_depth(&value.depth).into_iter().collect(),
+        _ => BTreeSet::new(),
     };
     let (steps, _) = history.steps();
     let changes = steps
         .flat_map(|step| &step.changes)
         .flat_map(|change| [&change.edit, &change.inverse]);
-    let now = project
-        .frames
-        .iter()
-        .filter_map(|frame| of_depth(&frame.depth));
+    let frames = project.frames.iter();
+    let now = frames.filter_map(|frame| of_depth(&frame.depth).map(|version| [version].into()));
     let named = changes
-        .filter_map(of_edit)
-        .chain(version_in_force(project, kind))
+        .map(of_edit)
+        .chain(project.results.get(&kind).map(versions_of))
         .chain(now);
-    named.filter(|&version| version > 0).collect()
+    let mut runs: BTreeMap<u64, u64> = BTreeMap::new();
+    for versions in named {
+        let run = versions.last().copied().unwrap_or(0);
+        for version in versions.into_iter().filter(|&version| version > 0) {
+            let known = runs.entry(version).or_insert(run);
+            *known = run.max(*known);
+        }
+    }
+    runs
 }
 
 fn numbers(root: &Path, kind: ResultKind) -> BTreeSet<u64> {
@@ -298,4 +313,74 @@ fn numbers(root: &Path, kind: ResultKind) -> BTreeSet<u64> {
         .flatten()
         .filter_map(|entry| number(entry.file_name().to_str()?))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::testing::record;
+    use crate::{Change, Coordinates, SparseModelRecord, Step};
+
+    /// Returns the record of cameras with models of these versions, of which the first is used.
+    fn cameras(versions: &[u64]) -> ResultRecord {
+        let model = |&version: &u64| SparseModelRecord {
+            version,
+            frames: 3,
+            points: 60,
+            settings: String::new(),
+            coordinates: Coordinates::chosen_with(version, false),
+            scaled: None,
+        };
+        ResultRecord {
+            version: versions[0],
+            models: versions.iter().map(model).collect(),
+            ..record("sfm")
+        }
+    }
+
+    #[test]
+    fn all_models_of_the_latest_runs_are_kept() {
+        let root = tempfile::tempdir().unwrap();
+        for version in 1..=30 {
+            fs::create_dir_all(sparse_path(root.path(), version)).unwrap();
+        }
+        // Eight runs of three models, and versions that nothing refers to.
+        let runs: Vec<[u64; 3]> = (0..8).map(|run| [1, 2, 3].map(|k| 3 * run + k)).collect();
+        let edit = |versions: &[u64; 3]| Edit::SetResult {
+            kind: ResultKind::Cameras,
+            record: Some(cameras(versions)),
+        };
+        let mut history = History::default();
+        for run in &runs {
+            let (edit, inverse) = (edit(run), edit(run));
+            history.push(Step {
+                title: "Reconstruct".into(),
+                changes: vec![Change { edit, inverse }],
+            });
+        }
+        let kept = |project: &Project, history: &History| {
+            collect(root.path(), project, history);
+            numbers(root.path(), ResultKind::Cameras)
+                .into_iter()
+                .collect::<Vec<u64>>()
+        };
+        let mut project = Project {
+            frames: Arc::default(),
+            ..Project::default()
+        };
+        project
+            .results
+            .insert(ResultKind::Cameras, cameras(&runs[1]));
+        // In force: 4 to 6. The latest five runs: 10 to 24. Later ones may be in progress.
+        let expected: Vec<u64> = (4..=6).chain(10..=30).collect();
+        assert_eq!(kept(&project, &history), expected);
+        // Another model of a run is used, without a history of the others.
+        let used = cameras(&runs[5]);
+        let used = used.with_model(&used.models[1]);
+        project.results.insert(ResultKind::Cameras, used);
+        let expected: Vec<u64> = (16..=18).chain(19..=30).collect();
+        assert_eq!(kept(&project, &History::default()), expected);
+    }
 }

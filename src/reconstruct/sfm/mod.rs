@@ -47,7 +47,7 @@ pub use problem::{
     SparseModel, VerifiedPair,
 };
 pub use registration_report::RegistrationStatus;
-pub use request::{SfmRequest, SfmResult};
+pub use request::{SfmModel, SfmRequest, SfmResult};
 pub use scale::{MetricScale, metric_scale};
 pub use sift::{Sift, SiftOptions};
 pub use undistort::{for_each_source, undistort_image, undistort_mask, undistorted_camera};

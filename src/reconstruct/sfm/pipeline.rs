@@ -4,12 +4,12 @@ use super::extract::ImageFeatures;
 use super::locate::{Located, Locator, SeenPoint};
 use super::pair_selection::match_images;
 use super::registration_report::{RegistrationReport, RegistrationStatus, why_no_start};
-use super::request::{SfmRequest, error_px, frame_cameras, sparse_points};
+use super::request::{SfmModel, SfmRequest, error_px, frame_cameras, sparse_points};
 use super::retry_unregistered::{Attempt, retry_unregistered};
 use super::sequences::sequences;
 use super::{
-    CameraGroups, Features, KeypointId, MapImage, MapProblem, Mapped, MatchedImages, PairOptions,
-    SfmError, SfmResult, SparseModel, TriedPair, map, metric_scale,
+    CameraGroups, Features, KeypointId, MapImage, MapProblem, Mapped, MatchedImages, ModelStart,
+    PairOptions, SfmError, SfmResult, SparseModel, TriedPair, map, metric_scale,
 };
 use ostra_core::job::{PlannedStage, Progress};
 use ostra_core::statistics::upper_median;
@@ -78,51 +78,67 @@ pub fn structure_from_motion(
         tried,
         models,
     };
-    let Attempt {
-        problem,
-        images,
-        tried,
-        models,
-    } = retry_unregistered(first, request, store, progress)?;
-    let Some(kept) = models.first() else {
+    let mut attempt = retry_unregistered(first, request, store, progress)?;
+    let Some(kept) = attempt.models.first() else {
         progress.check()?;
         let names: Vec<&str> = chosen.iter().map(|frame| frame.name.as_str()).collect();
         return Err(SfmError::NoStart(why_no_start(
             &names,
-            &found(&images),
-            &tried,
+            &found(&attempt.images),
+            &attempt.tried,
         )));
     };
-    let mut result = SfmResult {
-        cameras: frame_cameras(&problem, &kept.model, request.mapped),
-        sparse: sparse_points(&problem, &kept.model, &images, request.mapped),
-        outcomes: registration_statuses(request, &problem, &images, &tried, &models),
-        start: kept.start,
-        models: models
-            .iter()
-            .map(|mapped| mapped.model.placed().count())
-            .collect(),
-        scale: None,
-        contradiction: kept.contradiction,
-        warnings: contradicted(kept).into_iter().collect(),
-        methods: [request.extractor.name(), request.matcher.name()],
-        stopped: kept.stopped,
-    };
-    let locator = Locator {
-        request,
-        problem: &problem,
-        model: &kept.model,
-        images: &images,
-    };
-    match finish(&locator, store, &mut result, progress) {
+    let (start, contradiction, stopped) = (kept.start, kept.contradiction, kept.stopped);
+    drop_small(&mut attempt.models);
+    let mut models: Vec<SfmModel> = (0..attempt.models.len())
+        .map(|index| sfm_model(request, &attempt, index))
+        .collect();
+    match finish(request, &attempt, store, &mut models, progress) {
         // A partial result is scaled all the same: its scale could not be determined later.
         Err(SfmError::Stopped(_)) => {
-            scale_to_metres(request, store, &mut result, &Progress::default())?;
+            scale_to_metres(request, &attempt, store, &mut models, &Progress::default())?;
         }
         finished => finished?,
     }
-    result.stopped |= progress.check().is_err();
-    Ok(result)
+    let kept = models.remove(0);
+    Ok(SfmResult {
+        cameras: kept.cameras,
+        sparse: kept.sparse,
+        outcomes: kept.outcomes,
+        start,
+        others: models,
+        scale: kept.scale,
+        contradiction,
+        warnings: kept.warnings,
+        methods: [request.extractor.name(), request.matcher.name()],
+        stopped: stopped || progress.check().is_err(),
+    })
+}
+
+/// Models besides the first one are returned if they have at least this many images.
+const LEAST_OTHER_IMAGES: usize = 3;
+
+/// Removes models with too few images to be of use, but never the first one.
+fn drop_small(models: &mut Vec<Mapped>) {
+    let mut is_first = true;
+    models.retain(|mapped| {
+        std::mem::take(&mut is_first) || mapped.model.placed().count() >= LEAST_OTHER_IMAGES
+    });
+}
+
+/// Returns a model with its cameras and points by frame.
+fn sfm_model(request: &SfmRequest<'_>, attempt: &Attempt, index: usize) -> SfmModel {
+    let Attempt {
+        problem, images, ..
+    } = attempt;
+    let mapped = &attempt.models[index];
+    SfmModel {
+        cameras: frame_cameras(problem, &mapped.model, request.mapped),
+        sparse: sparse_points(problem, &mapped.model, images, request.mapped),
+        outcomes: registration_statuses(request, attempt, index),
+        scale: None,
+        warnings: contradicted(mapped).into_iter().collect(),
+    }
 }
 
 /// Contradiction above which cameras may be wrong.
@@ -143,19 +159,21 @@ fn contradicted(mapped: &Mapped) -> Option<String> {
 }
 
 fn finish(
-    locator: &Locator<'_>,
+    request: &SfmRequest<'_>,
+    attempt: &Attempt,
     store: &FrameStore,
-    result: &mut SfmResult,
+    models: &mut [SfmModel],
     progress: &Progress,
 ) -> Result<(), SfmError> {
-    let open = locator
-        .request
-        .located
-        .iter()
-        .map(|&number| (number, RegistrationStatus::NotReached));
-    result.outcomes.extend(open);
-    locate_rest(locator, store, result, progress)?;
-    scale_to_metres(locator.request, store, result, progress)
+    for model in &mut *models {
+        let open = request
+            .located
+            .iter()
+            .map(|&number| (number, RegistrationStatus::NotReached));
+        model.outcomes.extend(open);
+    }
+    locate_rest(request, attempt, store, models, progress)?;
+    scale_to_metres(request, attempt, store, models, progress)
 }
 
 fn problem(
@@ -211,21 +229,21 @@ fn problem(
     ))
 }
 
+/// Returns the status of each frame for the cameras of one of the models.
 fn registration_statuses(
     request: &SfmRequest<'_>,
-    problem: &MapProblem,
-    images: &[ImageFeatures],
-    tried: &[TriedPair],
-    models: &[Mapped],
+    attempt: &Attempt,
+    kept: usize,
 ) -> BTreeMap<usize, RegistrationStatus> {
-    let placed = |image: usize| residual(problem, &models.first()?.model, image);
+    let placed = |image: usize| residual(&attempt.problem, &attempt.models[kept].model, image);
     let report = RegistrationReport {
         frame_of: request.mapped,
-        tried,
-        models,
+        tried: &attempt.tried,
+        models: &attempt.models,
+        kept,
         options: &request.mapper,
     };
-    let outcomes = report.outcomes(&found(images), &placed);
+    let outcomes = report.outcomes(&found(&attempt.images), &placed);
     request.mapped.iter().copied().zip(outcomes).collect()
 }
 
@@ -257,20 +275,19 @@ fn residual(problem: &MapProblem, model: &SparseModel, image: usize) -> Option<(
     Some((errors.len(), upper_median(&mut errors).unwrap_or(0.0)))
 }
 
+/// Locates the frames between the mapped ones, each in the first model in which that succeeds.
 fn locate_rest(
-    locator: &Locator<'_>,
+    request: &SfmRequest<'_>,
+    attempt: &Attempt,
     store: &FrameStore,
-    result: &mut SfmResult,
+    models: &mut [SfmModel],
     progress: &Progress,
 ) -> Result<(), SfmError> {
-    let (frames, located) = (locator.request.frames, locator.request.located);
+    let (frames, located) = (request.frames, request.located);
     if located.is_empty() {
         return Ok(());
     }
     progress.stage("place the frames between")?;
-    // Numbers in the result by numbers in the model, where points have been removed.
-    let points = locator.model.points().map(|(point, _)| point);
-    let numbers: BTreeMap<u32, u32> = points.zip(0..).collect();
     for (done, &number) in located.iter().enumerate() {
         progress.step(done, located.len())?;
         let ahead: Vec<Frame> = located[done + 1..]
@@ -279,48 +296,96 @@ fn locate_rest(
             .map(|&next| frames[next].clone())
             .collect();
         store.prefetch(&ahead);
-        let Located {
-            camera,
-            outcome,
-            seen,
-        } = locator.locate(number, store)?;
-        result.cameras.extend(camera.map(|camera| (number, camera)));
-        result.outcomes.insert(number, outcome);
-        if !seen.is_empty() {
-            let keypoint = |seen: SeenPoint| SparseKeypoint {
-                at_px: seen.at_px,
-                point: numbers.get(&seen.point).copied(),
+        for (index, mapped) in attempt.models.iter().enumerate() {
+            let locator = Locator {
+                request,
+                problem: &attempt.problem,
+                model: &mapped.model,
+                images: &attempt.images,
             };
-            let keypoints = seen.into_iter().map(keypoint).collect();
-            result.sparse.keypoints.insert(number, keypoints);
+            let found = locator.locate(number, store)?;
+            if found.camera.is_some() {
+                note_other_model(models, number, index, mapped);
+                models[index].take_located(number, found, &mapped.model);
+                break;
+            }
+            models[index].outcomes.insert(number, found.outcome);
         }
     }
     Ok(())
 }
 
-/// Scales the model to the unit of the depth maps, unless given poses fix the unit.
+/// Notes in all models that a frame belongs to the one with this index.
+fn note_other_model(models: &mut [SfmModel], frame: usize, index: usize, mapped: &Mapped) {
+    for model in models {
+        let status = RegistrationStatus::OtherModel {
+            model: index + 1,
+            images: mapped.model.placed().count(),
+        };
+        model.outcomes.insert(frame, status);
+    }
+}
+
+impl SfmModel {
+    /// Takes over a frame that was located in the model.
+    fn take_located(&mut self, frame: usize, located: Located, model: &SparseModel) {
+        let Located {
+            camera,
+            outcome,
+            seen,
+        } = located;
+        self.cameras.extend(camera.map(|camera| (frame, camera)));
+        self.outcomes.insert(frame, outcome);
+        if seen.is_empty() {
+            return;
+        }
+        // Numbers in the result by numbers in the model, where points have been removed.
+        let points = model.points().map(|(point, _)| point);
+        let numbers: BTreeMap<u32, u32> = points.zip(0..).collect();
+        let keypoint = |seen: SeenPoint| SparseKeypoint {
+            at_px: seen.at_px,
+            point: numbers.get(&seen.point).copied(),
+        };
+        let keypoints = seen.into_iter().map(keypoint).collect();
+        self.sparse.keypoints.insert(frame, keypoints);
+    }
+}
+
+/// Scales the models to the unit of the depth maps, except one whose unit given poses fix.
 fn scale_to_metres(
     request: &SfmRequest<'_>,
+    attempt: &Attempt,
     store: &FrameStore,
-    result: &mut SfmResult,
+    models: &mut [SfmModel],
     progress: &Progress,
 ) -> Result<(), SfmError> {
-    let has_unit = request.keep_poses && result.start == super::ModelStart::Given;
-    if has_unit || !request.frames.iter().any(Frame::has_sensor_depth) {
+    if !request.frames.iter().any(Frame::has_sensor_depth) {
         return Ok(());
     }
-    progress.stage("scale")?;
-    let (scale, warning) = metric_scale(
-        request.frames,
-        &result.cameras,
-        &result.sparse,
-        store,
-        progress,
-    )?;
-    result.warnings.extend(warning);
-    result.scale = scale;
-    if let Some(scale) = result.scale {
-        result.scale_by(scale.factor);
+    let has_unit =
+        |mapped: &Mapped| request.keep_poses && matches!(mapped.start, ModelStart::Given);
+    // When stopped, this is called again for the models that were not reached.
+    let unscaled = models
+        .iter_mut()
+        .zip(&attempt.models)
+        .filter(|(model, mapped)| model.scale.is_none() && !has_unit(mapped));
+    for (step, (model, _)) in unscaled.enumerate() {
+        if step == 0 {
+            progress.stage("scale")?;
+        }
+        let (scale, warning) = metric_scale(
+            request.frames,
+            &model.cameras,
+            &model.sparse,
+            store,
+            progress,
+        )?;
+        let warning = warning.filter(|text| !model.warnings.contains(text));
+        model.warnings.extend(warning);
+        model.scale = scale;
+        if let Some(scale) = scale {
+            model.scale_by(scale.factor);
+        }
     }
     Ok(())
 }

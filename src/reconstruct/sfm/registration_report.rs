@@ -69,9 +69,9 @@ pub enum RegistrationStatus {
         /// Number of these that agreed.
         agreeing: usize,
     },
-    /// It belongs to another model that is not connected with the kept one.
+    /// It belongs to another model that is not connected with the one in use.
     OtherModel {
-        /// Number of that model, counted from 2.
+        /// Number of that model, counted from 1.
         model: usize,
         /// Number of images in it.
         images: usize,
@@ -160,8 +160,8 @@ impl RegistrationStatus {
                  the image shows a similar but other place"
             ),
             Self::OtherModel { model, images } => format!(
-                "belongs to model {model} of {images} images, which is not connected with the one kept; take images \
-                 that show both parts"
+                "belongs to model {model} of {images} images, which is not connected with the one in use; use that \
+                 model, or take images that show both parts"
             ),
             Self::NotReached => "the run was stopped before it was tried; reconstruct again".into(),
         }
@@ -174,8 +174,10 @@ pub struct RegistrationReport<'a> {
     pub frame_of: &'a [usize],
     /// The pairs that were matched.
     pub tried: &'a [TriedPair],
-    /// The models, the kept one first.
+    /// The models.
     pub models: &'a [Mapped],
+    /// Index of the model whose cameras are used.
+    pub kept: usize,
     /// Options of the mapper.
     pub options: &'a MapperOptions,
 }
@@ -212,20 +214,18 @@ impl RegistrationReport<'_> {
             frame_of,
             tried,
             models,
+            kept,
             options,
         } = *self;
         let frame = |nearest: Option<(usize, usize)>| {
             nearest.map(|(image, matches)| (frame_of[image], matches))
         };
-        let is_in = |mapped: &&Mapped| mapped.model.is_placed(image as u32);
-        if let Some(other) = models.iter().skip(1).find(is_in) {
-            let model = models
-                .iter()
-                .position(|mapped| std::ptr::eq(mapped, other))
-                .unwrap_or(0)
-                + 1;
+        let is_in = |&(index, mapped): &(usize, &Mapped)| {
+            index != kept && mapped.model.is_placed(image as u32)
+        };
+        if let Some((index, other)) = models.iter().enumerate().find(is_in) {
             return RegistrationStatus::OtherModel {
-                model,
+                model: index + 1,
                 images: other.model.placed().count(),
             };
         }
@@ -238,14 +238,14 @@ impl RegistrationReport<'_> {
             };
         }
         let refused = models
-            .first()
+            .get(kept)
             .and_then(|mapped| mapped.refused.get(&(image as u32)));
         match refused {
             Some(refusal) if refusal.seen >= options.pose_inliers => RegistrationStatus::NoPose {
                 seen: refusal.seen,
                 agreeing: refusal.agreeing,
             },
-            _ if models.first().is_some_and(|mapped| mapped.stopped) => {
+            _ if models.get(kept).is_some_and(|mapped| mapped.stopped) => {
                 RegistrationStatus::NotReached
             }
             refusal => RegistrationStatus::FewPoints {

@@ -65,8 +65,8 @@ pub struct SfmResult {
     pub outcomes: BTreeMap<usize, RegistrationStatus>,
     /// How the model was started.
     pub start: ModelStart,
-    /// Number of frames per model, the kept one first.
-    pub models: Vec<usize>,
+    /// The models of at least three images that nothing connects with this one, the largest first.
+    pub others: Vec<SfmModel>,
     /// The scale from depth maps, if the model was scaled by it.
     pub scale: Option<MetricScale>,
     /// Share by which the matches contradict the cameras; see [`CONTRADICTORY`](super::CONTRADICTORY).
@@ -79,7 +79,22 @@ pub struct SfmResult {
     pub stopped: bool,
 }
 
-impl SfmResult {
+/// One of the models that the images fall into, in coordinates of its own.
+#[derive(Debug, Clone)]
+pub struct SfmModel {
+    /// Cameras by frame number.
+    pub cameras: BTreeMap<usize, FrameCamera>,
+    /// Points and the keypoints that see them; frame numbers as in `cameras`.
+    pub sparse: SparsePoints,
+    /// Outcomes by frame number, as they are while the cameras of this model are used.
+    pub outcomes: BTreeMap<usize, RegistrationStatus>,
+    /// The scale from depth maps, if the model was scaled by it.
+    pub scale: Option<MetricScale>,
+    /// Messages that the user should know about.
+    pub warnings: Vec<String>,
+}
+
+impl SfmModel {
     /// Scales the model by a factor.
     pub fn scale_by(&mut self, factor: f64) {
         for pose in self

@@ -1,9 +1,10 @@
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Result, ensure};
 
+use super::camera_models::{save_models, several_models};
 use super::found_cameras::{Cameras, Poses, calibrated, edits, is_posed, record, unplaced};
 use super::match_again::with_better_matches;
 use crate::Event;
@@ -12,12 +13,9 @@ use crate::engines::{extractor, identity, matcher, registration, second_matcher}
 use crate::jobs::JobContext;
 use crate::live_preview::PlacedFrames;
 use ostra_core::job::{Progress, Stopped};
-use ostra_frames::cameras::{ModelEncoding, write_colmap_model};
 use ostra_frames::{DepthSource, Frame, FrameStore};
 use ostra_masks::LabelId;
-use ostra_project::store::{
-    feature_cache_path, save_links, save_outcomes, sparse_path, sync_folder,
-};
+use ostra_project::store::{feature_cache_path, sync_folder};
 use ostra_project::{Coordinates, Edit, Project, ReconstructRequest, ResultRecord, StepSeconds};
 use ostra_reconstruct::rgbd::{RgbdOptions, RgbdRequest, calibrate, register_rgbd};
 use ostra_reconstruct::sfm::{
@@ -122,8 +120,6 @@ impl CameraWork {
         {
             return Err(Stopped.into());
         }
-        save(&sparse_path(&self.root, self.version), frames, &result)?;
-        sync_folder(&self.root.join("versions"))?;
         let coordinates = match result.has_given_poses && poses == Poses::Kept {
             true => self.project.coordinates(),
             false => Coordinates::chosen_with(self.version, result.is_metric),
@@ -134,14 +130,17 @@ impl CameraWork {
             steps: StepSeconds::of(&context.progress, 0),
             ..record(&result, begun.elapsed())
         };
+        let record = save_models(&self.root, &self.project, &result, poses, record)?;
+        sync_folder(&self.root.join("versions"))?;
         Ok(ComputedCameras {
             notices: cache
                 .report()
                 .into_iter()
                 .chain([format!("cameras: {}", record.settings)])
                 .collect(),
-            warnings: unplaced(frames, &result)
+            warnings: several_models(&record.models)
                 .into_iter()
+                .chain(unplaced(frames, &result))
                 .chain(result.warnings.clone())
                 .chain(of_cache)
                 .collect(),
@@ -307,17 +306,6 @@ impl ComputedCameras {
         session.warn_all(self.warnings);
         Ok(())
     }
-}
-
-/// Saves points, keypoints and the outcome of each frame under the version's number.
-fn save(folder: &Path, frames: &[Frame], result: &Cameras) -> Result<()> {
-    let mut placed = frames.to_vec();
-    for (number, frame) in placed.iter_mut().enumerate() {
-        frame.camera = result.cameras.get(&number).copied();
-    }
-    write_colmap_model(folder, &placed, &result.sparse, ModelEncoding::Text)?;
-    save_outcomes(folder, &result.outcomes)?;
-    save_links(folder, &result.links)
 }
 
 /// Returns whether a frame takes part in building the model: every Nth one, and those of pairs that

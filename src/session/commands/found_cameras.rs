@@ -7,7 +7,7 @@ use ostra_frames::{Frame, FrameCamera};
 use ostra_project::ResultEngine;
 use ostra_project::{Edit, Project, ResultKind, ResultRecord};
 use ostra_reconstruct::rgbd::{Calibration, FrameLink, RgbdResult};
-use ostra_reconstruct::sfm::{ModelStart, RegistrationStatus, SfmResult};
+use ostra_reconstruct::sfm::{MetricScale, ModelStart, RegistrationStatus, SfmModel, SfmResult};
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -42,6 +42,8 @@ pub struct Cameras {
     pub(super) cameras: BTreeMap<usize, FrameCamera>,
     pub(super) sparse: SparsePoints,
     pub(super) outcomes: BTreeMap<usize, RegistrationStatus>,
+    /// Models that nothing connects with this one.
+    pub(super) others: Vec<OtherModel>,
     /// Links between frames, if depth was used.
     pub(super) links: Vec<FrameLink>,
     /// Calibrations of images that were found to be misaligned with their depths.
@@ -55,19 +57,39 @@ pub struct Cameras {
     pub(super) stopped: bool,
 }
 
+/// A model that nothing connects with the one in use.
+pub(super) struct OtherModel {
+    /// Text that describes the method and its result.
+    pub(super) settings: String,
+    pub(super) model: SfmModel,
+}
+
 impl From<SfmResult> for Cameras {
     fn from(result: SfmResult) -> Self {
         let (engine, settings) = (ResultEngine::Sfm, settings(&result));
+        let of_others: Vec<String> = (0..result.others.len())
+            .map(|index| other_settings(&result, index))
+            .collect();
         let (has_given_poses, is_metric) =
             (result.start == ModelStart::Given, result.scale.is_some());
         let SfmResult {
             cameras,
             sparse,
             outcomes,
-            warnings,
+            others,
+            mut warnings,
             stopped,
             ..
         } = result;
+        for (model, number) in others.iter().zip(2..) {
+            let own = model.warnings.iter();
+            warnings.extend(own.map(|text| format!("model {number}: {text}")));
+        }
+        let others = of_others
+            .into_iter()
+            .zip(others)
+            .map(|(settings, model)| OtherModel { settings, model })
+            .collect();
         let (links, calibrations) = Default::default();
         Self {
             engine,
@@ -75,6 +97,7 @@ impl From<SfmResult> for Cameras {
             cameras,
             sparse,
             outcomes,
+            others,
             links,
             calibrations,
             has_given_poses,
@@ -90,6 +113,9 @@ impl From<BestMatched> for Cameras {
         let mut cameras = Self::from(best.result);
         if let Some(report) = best.report {
             cameras.settings += &format!("; {report}");
+            for other in &mut cameras.others {
+                other.settings += &format!("; {report}");
+            }
         }
         cameras.warnings.extend(best.advice);
         cameras
@@ -125,6 +151,7 @@ impl Cameras {
             cameras,
             sparse: SparsePoints::default(),
             outcomes,
+            others: Vec::new(),
             links,
             calibrations,
             has_given_poses: false,
@@ -215,17 +242,38 @@ pub fn record(result: &Cameras, took: Duration) -> ResultRecord {
     }
 }
 
+/// Describes the method and the model in use.
 pub(super) fn settings(result: &SfmResult) -> String {
+    model_settings(result, 0, &result.cameras, &result.sparse, result.scale)
+}
+
+/// Describes the method and another one of the models.
+fn other_settings(result: &SfmResult, index: usize) -> String {
+    let SfmModel {
+        cameras,
+        sparse,
+        scale,
+        ..
+    } = &result.others[index];
+    model_settings(result, index + 1, cameras, sparse, *scale)
+}
+
+fn model_settings(
+    result: &SfmResult,
+    index: usize,
+    cameras: &BTreeMap<usize, FrameCamera>,
+    sparse: &SparsePoints,
+    scale: Option<MetricScale>,
+) -> String {
     let [features, matcher] = result.methods;
     let of = result.outcomes.len();
     let mut text = format!(
         "{}{} of {of} frames by {features} + {matcher}, {} points",
         if result.stopped { "stopped with " } else { "" },
-        result.cameras.len(),
-        result.sparse.points.len()
+        cameras.len(),
+        sparse.points.len()
     );
-    let mut errors: Vec<f64> = result
-        .sparse
+    let mut errors: Vec<f64> = sparse
         .points
         .iter()
         .filter_map(|point| point.error_px)
@@ -233,14 +281,23 @@ pub(super) fn settings(result: &SfmResult) -> String {
     if let Some(median) = upper_median(&mut errors) {
         text += &format!(", median error {median:.2} px");
     }
-    if result.models.len() > 1 {
-        let others: Vec<String> = result.models[1..].iter().map(ToString::to_string).collect();
+    if !result.others.is_empty() {
+        let others = result.others.iter().map(|model| model.cameras.len());
+        let sizes: Vec<String> = [result.cameras.len()]
+            .into_iter()
+            .chain(others)
+            .enumerate()
+            .filter(|&(other, _)| other != index)
+            .map(|(_, frames)| frames.to_string())
+            .collect();
         text += &format!(
-            ", left out another model of {} frames",
-            others.join(" and one of ")
+            ", model {} of {} (others: {} frames)",
+            index + 1,
+            sizes.len() + 1,
+            sizes.join(" and ")
         );
     }
-    match &result.scale {
+    match scale {
         Some(scale) => {
             text + &format!(
                 ", scale from {} depths ± {:.1} %",

@@ -94,6 +94,7 @@ impl Session {
                 geometry: Some(geometry),
                 scaled,
                 coordinates: Some(coordinates(&project, version)),
+                models: Vec::new(),
                 request: Some(request),
             };
             Ok(Box::new(move |session: &mut Self| {

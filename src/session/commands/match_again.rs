@@ -202,7 +202,7 @@ mod tests {
             sparse: SparsePoints::default(),
             outcomes: frames.map(|frame| (frame, outcome(frame))).collect(),
             start: ModelStart::Given,
-            models: vec![placed],
+            others: Vec::new(),
             scale: None,
             contradiction: 0.01,
             warnings: Vec::new(),

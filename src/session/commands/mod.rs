@@ -2,6 +2,7 @@
 
 mod accept;
 mod attach;
+mod camera_models;
 mod cameras;
 mod correct;
 mod export;

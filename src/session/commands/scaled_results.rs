@@ -16,9 +16,9 @@ use ostra_frames::cameras::{ModelEncoding, read_sparse_model, write_colmap_model
 use ostra_frames::{DepthSource, EstimatedDepth, Frame};
 use ostra_project::reusable_votes::geometry_digest;
 use ostra_project::store::{
-    DepthFolder, DepthRunRecord, cloud_path, depth_map_path, keep_votes, load_links, load_outcomes,
-    mesh_path, replace, save_links, save_outcomes, sparse_path, sync_folder, version_in_force,
-    votes_path,
+    DepthFolder, DepthRunRecord, ModelCameras, cloud_path, depth_map_path, keep_votes, load_links,
+    load_outcomes, mesh_path, replace, save_cameras, save_links, save_outcomes, sparse_path,
+    sync_folder, version_in_force, votes_path,
 };
 use ostra_project::voted_cloud::read_votes_on;
 use ostra_project::{
@@ -111,6 +111,18 @@ impl Scaling {
             .for_each(|point| point.position *= self.factor);
         write_colmap_model(&folder, frames, &sparse, ModelEncoding::Text)?;
         save_outcomes(&folder, &load_outcomes(&source)?)?;
+        let is_one_of_several = (self.project.results.get(&ResultKind::Cameras))
+            .is_some_and(|record| !record.models.is_empty());
+        if is_one_of_several {
+            let posed = frames.iter().enumerate();
+            let cameras = ModelCameras {
+                origin: self.project.origin * self.factor,
+                cameras: posed
+                    .filter_map(|(number, frame)| Some((number, frame.camera?)))
+                    .collect(),
+            };
+            save_cameras(&folder, &cameras)?;
+        }
         save_links(&folder, &load_links(&source)?)
     }
 
@@ -341,10 +353,8 @@ impl ScaledResults {
         } else {
             0
         };
-        *cameras = ResultRecord {
-            coordinates: Some(coordinates),
-            ..scaled_record(cameras, scaling.factor, version)
-        };
+        *cameras = scaled_record(cameras, scaling.factor, version)
+            .with_coordinates(cameras.version, coordinates);
         if let Some(depths) = records
             .get_mut(&ResultKind::Depths)
             .filter(|_| self.has_depths)
