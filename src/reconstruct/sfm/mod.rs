@@ -38,7 +38,9 @@ pub use features::{
     Descriptors, FeatureError, FeatureExtractor, FeatureMatcher, Features, PairMatches,
 };
 pub use groups::CameraGroups;
-pub use mapper::{FirstPairRequirement, Mapped, MapperOptions, ModelStart, Refusal, extend, map};
+pub use mapper::{
+    FirstPairRequirement, Mapped, MapperOptions, ModelStart, Refusal, extend, join_models, map,
+};
 pub use pair_selection::PairOptions;
 pub use pairs::{MatchedImages, TriedPair, match_pairs};
 pub use pipeline::{CONTRADICTORY, planned_stages, structure_from_motion};

@@ -9,7 +9,7 @@ use super::retry_unregistered::{Attempt, retry_unregistered};
 use super::sequences::sequences;
 use super::{
     CameraGroups, Features, KeypointId, MapImage, MapProblem, Mapped, MatchedImages, ModelStart,
-    PairOptions, SfmError, SfmResult, SparseModel, TriedPair, map, metric_scale,
+    PairOptions, SfmError, SfmResult, SparseModel, TriedPair, join_models, map, metric_scale,
 };
 use ostra_core::job::{PlannedStage, Progress};
 use ostra_core::statistics::upper_median;
@@ -72,6 +72,7 @@ pub fn structure_from_motion(
     let (problem, tried) = problem(request, &chosen, &groups, &images, progress)?;
     progress.stage("map")?;
     let models = map(&problem, &request.mapper, progress)?;
+    let models = join_models(&problem, models, &request.mapper, progress);
     let first = Attempt {
         problem,
         images,
@@ -79,6 +80,7 @@ pub fn structure_from_motion(
         models,
     };
     let mut attempt = retry_unregistered(first, request, store, progress)?;
+    attempt.models = join_models(&attempt.problem, attempt.models, &request.mapper, progress);
     let Some(kept) = attempt.models.first() else {
         progress.check()?;
         let names: Vec<&str> = chosen.iter().map(|frame| frame.name.as_str()).collect();

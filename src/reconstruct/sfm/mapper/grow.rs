@@ -26,6 +26,18 @@ pub struct Mapped {
     pub stopped: bool,
 }
 
+impl Mapped {
+    /// Sorts models: the one with given poses first, then those with most images.
+    pub(super) fn sort(models: &mut [Self]) {
+        models.sort_by_key(|mapped| {
+            (
+                mapped.start != ModelStart::Given,
+                std::cmp::Reverse(mapped.model.placed().count()),
+            )
+        });
+    }
+}
+
 /// Focal lengths, relative to the guess, from which a start is tried if nothing is known of a camera.
 const FOCAL_FACTORS: [f64; 5] = [1.0, 0.7, 1.4, 0.5, 2.0];
 
@@ -75,12 +87,7 @@ pub fn map(
         }
         models.push(mapped);
     }
-    models.sort_by_key(|mapped| {
-        (
-            mapped.start != ModelStart::Given,
-            std::cmp::Reverse(mapped.model.placed().count()),
-        )
-    });
+    Mapped::sort(&mut models);
     Ok(models)
 }
 
@@ -417,7 +424,7 @@ impl Mapper<'_> {
     }
 
     /// Removes images that see almost no points any more.
-    fn drop_lost(&mut self, refused: &mut BTreeMap<u32, Refusal>) {
+    pub fn drop_lost(&mut self, refused: &mut BTreeMap<u32, Refusal>) {
         let lost: Vec<u32> = self
             .model
             .placed()

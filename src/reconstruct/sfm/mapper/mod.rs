@@ -8,6 +8,7 @@ mod adjust;
 mod extend;
 mod first_pair;
 mod grow;
+mod join;
 mod register;
 mod state;
 #[cfg(test)]
@@ -17,5 +18,6 @@ mod triangulate;
 pub use extend::extend;
 pub use first_pair::{FirstPairRequirement, ModelStart};
 pub use grow::{Mapped, map};
+pub use join::join_models;
 pub use register::Refusal;
 pub use state::MapperOptions;

@@ -10,23 +10,23 @@ use ostra_geometry::{
 };
 
 /// A synthetic scene: cameras around a block of points, keypoints with noise, matches with outliers.
-struct Made {
-    problem: MapProblem,
+pub(super) struct Made {
+    pub problem: MapProblem,
     truth: Vec<Pose>,
     camera: Camera,
 }
 
-struct Recipe {
-    views: usize,
-    points: usize,
-    noise_px: f64,
-    outliers: f64,
-    window: usize,
-    focal_px: f64,
-    poses: fn(usize) -> Pose,
+pub(super) struct Recipe {
+    pub views: usize,
+    pub points: usize,
+    pub noise_px: f64,
+    pub outliers: f64,
+    pub window: usize,
+    pub focal_px: f64,
+    pub poses: fn(usize) -> Pose,
 }
 
-const RING: Recipe = Recipe {
+pub(super) const RING: Recipe = Recipe {
     views: 30,
     points: 700,
     noise_px: 0.5,
@@ -76,7 +76,7 @@ fn on_the_spot(view: usize) -> Pose {
 }
 
 impl Made {
-    fn new(recipe: &Recipe, seed: u64) -> Self {
+    pub fn new(recipe: &Recipe, seed: u64) -> Self {
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
         let camera = Camera {
             distortion: Distortion::Radial { k: [-0.05, 0.01] },
@@ -180,7 +180,7 @@ impl Made {
         })
     }
 
-    fn map(&self) -> Vec<Mapped> {
+    pub fn map(&self) -> Vec<Mapped> {
         map(
             &self.problem,
             &MapperOptions::default(),
@@ -191,7 +191,7 @@ impl Made {
 
     /// Returns the largest centre error as a share of the extent, and the largest rotation error in
     /// degrees, after Sim(3).
-    fn errors(&self, mapped: &Mapped) -> (f64, f64) {
+    pub fn errors(&self, mapped: &Mapped) -> (f64, f64) {
         let placed = self
             .truth
             .iter()
