@@ -105,8 +105,8 @@ impl Street {
     }
 
     /// Makes a project of the two places and reconstructs their cameras; returns what is printed.
-    fn reconstructed(&self) -> (String, String) {
-        let project = self.path("project");
+    fn reconstructed(&self, name: &str) -> (String, String) {
+        let project = self.path(name);
         let intrinsics = format!("{FOCAL_PX},{FOCAL_PX},{},{}", WIDTH / 2, HEIGHT / 2);
         done(&[
             "new",
@@ -118,14 +118,14 @@ impl Street {
             "--intrinsics",
             &intrinsics,
         ]);
-        let text = cameras(&project);
+        let text = reconstruct(&project, &["--method", "sfm"]);
         (project, text)
     }
 }
 
-/// Reconstructs the cameras of a project and returns all that is printed.
-fn cameras(project: &str) -> String {
-    let output = ostra(&["reconstruct", project, "--method", "sfm"]);
+/// Reconstructs a project and returns all that is printed.
+fn reconstruct(project: &str, options: &[&str]) -> String {
+    let output = ostra(&[&["reconstruct", project], options].concat());
     let text = String::from_utf8_lossy(&output.stdout).into_owned()
         + &String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{text}");
@@ -202,7 +202,7 @@ fn check_written(project: &str, folders: &[&str]) {
 #[test]
 fn all_models_are_listed_and_the_second_can_be_used() {
     let street = Street::new();
-    let (project, text) = street.reconstructed();
+    let (project, text) = street.reconstructed("project");
     assert!(
         text.contains("they fall into 2 models, of 5 and 4 frames; model 1 is in use"),
         "{text}"
@@ -252,7 +252,7 @@ fn all_models_are_listed_and_the_second_can_be_used() {
 #[test]
 fn depth_maps_of_the_former_model_become_stale() {
     let street = Street::new();
-    let (project, _) = street.reconstructed();
+    let (project, _) = street.reconstructed("project");
     let with_depth = || {
         done(&[
             "reconstruct",
@@ -284,22 +284,25 @@ fn depth_maps_of_the_former_model_become_stale() {
 #[test]
 fn frames_between_join_the_models() {
     let street = Street::new();
-    let (project, _) = street.reconstructed();
-    done(&["select-model", &project, "2"]);
-    done(&["add", &project, "--frames", &street.path("between")]);
-    let text = cameras(&project);
-    let joined = info(&project);
-    assert_eq!(models(&joined), Value::Null, "{text}");
-    assert_eq!(placed(&joined).len(), 16, "{text}");
-    check_written(&project, &["first", "second", "between"]);
-    let text = refused(&["select-model", &project, "1"]);
-    assert!(text.contains("there is no other one to use"), "{text}");
+    // All poses are estimated again, or those of the model in use stay.
+    for options in [&["--method", "sfm"][..], &["--device", "cpu"]] {
+        let (project, _) = street.reconstructed(options[1]);
+        done(&["select-model", &project, "2"]);
+        done(&["add", &project, "--frames", &street.path("between")]);
+        let text = reconstruct(&project, options);
+        let joined = info(&project);
+        assert_eq!(models(&joined), Value::Null, "{text}");
+        assert_eq!(placed(&joined).len(), 16, "{text}");
+        check_written(&project, &["first", "second", "between"]);
+        let text = refused(&["select-model", &project, "1"]);
+        assert!(text.contains("there is no other one to use"), "{text}");
+    }
 }
 
 #[test]
 fn use_of_a_model_is_undone_and_its_scale_is_kept() {
     let street = Street::new();
-    let (project, _) = street.reconstructed();
+    let (project, _) = street.reconstructed("project");
     let mut session = Session::new();
     perform(&mut session, Command::Open(project.into())).unwrap();
     let state = |session: &Session| Project::clone(session.project().unwrap());

@@ -17,6 +17,11 @@ use ostra_geometry::{Alignment, Camera, Pose, Similarity};
 
 /// The points that two models share must be seen by at least this many images of each.
 const LEAST_IMAGES: usize = 3;
+/// Maximum number of shared points that models are aligned by; those with most matches come first.
+///
+/// The rest is found when all is adjusted. This bounds the time of models that share much but do not
+/// fit each other.
+const MOST_POINTS: usize = 1000;
 /// Number of images of a model by which a shared point is judged.
 const MOST_VIEWS: usize = 6;
 /// Share of the images that may get lost when two models are joined.
@@ -139,7 +144,8 @@ impl Joining<'_> {
         })
     }
 
-    /// Returns points of both models that matches connect, each point once, most matches first.
+    /// Returns points of both models that matches connect, each point once, most matches first, up to
+    /// a maximum number.
     fn shared_points(&self, models: [&SparseModel; 2]) -> Vec<[u32; 2]> {
         let mut matches: BTreeMap<[u32; 2], usize> = BTreeMap::new();
         for (q, point) in models[1].points() {
@@ -161,6 +167,7 @@ impl Joining<'_> {
             }
             is_free
         });
+        ranked.truncate(MOST_POINTS);
         ranked.into_iter().map(|(pair, _)| pair).collect()
     }
 

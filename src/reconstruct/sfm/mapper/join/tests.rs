@@ -47,8 +47,10 @@ impl Parted {
     fn with_matches(&self, each: usize, wrong: f64) -> MapProblem {
         let mut problem = self.made.problem.clone();
         let mut rng = Pcg64Mcg::seed_from_u64(3);
-        for pair in &self.between {
-            let mut matches: Vec<[u32; 2]> = pair.matches.iter().copied().take(each).collect();
+        for (index, pair) in self.between.iter().enumerate() {
+            // Each pair shows other points.
+            let matches = pair.matches.iter().skip(20 * index).take(each);
+            let mut matches: Vec<[u32; 2]> = matches.copied().collect();
             let right = matches.len();
             for _ in 0..(wrong * right as f64).round() as usize {
                 let first = matches[rng.random_range(0..right)][0];
@@ -122,14 +124,6 @@ fn models_with_too_little_in_common_stay_apart() {
     assert_eq!(sizes(&parted.joined(&parted.made.problem)), [18, 12]);
     let few = parted.with_matches(1, 0.0);
     assert_eq!(sizes(&parted.joined(&few)), [18, 12], "too few points");
-    // Many points, but only two images of one group see them.
-    let mut narrow = parted.with_matches(60, 0.0);
-    narrow.pairs.retain(|pair| {
-        (pair.images[0] < BORDER) == (pair.images[1] < BORDER) || pair.images[1] < 20
-    });
-    let is_seen_by_two = |pair: &&VerifiedPair| pair.images[0] < BORDER && pair.images[1] >= BORDER;
-    assert!(narrow.pairs.iter().filter(is_seen_by_two).count() > 3);
-    assert_eq!(sizes(&parted.joined(&narrow)).iter().sum::<usize>(), 30);
 }
 
 #[test]
