@@ -104,8 +104,8 @@ impl Joining<'_> {
             .iter()
             .filter_map(|&[p, q]| {
                 Some([
-                    self.seen_point(models[0], models[0].point(p)?),
-                    self.seen_point(models[1], models[1].point(q)?),
+                    self.viewed_point(models[0], models[0].point(p)?),
+                    self.viewed_point(models[1], models[1].point(q)?),
                 ])
             })
             .collect();
@@ -171,7 +171,7 @@ impl Joining<'_> {
         ranked.into_iter().map(|(pair, _)| pair).collect()
     }
 
-    fn seen_point(&self, model: &SparseModel, point: &ModelPoint) -> SeenPoint {
+    fn viewed_point(&self, model: &SparseModel, point: &ModelPoint) -> ViewedPoint {
         let views = point.track.iter().filter_map(|seen| {
             let image = &self.problem.images[seen.image as usize];
             Some(View {
@@ -180,7 +180,7 @@ impl Joining<'_> {
                 at_px: image.keypoints[seen.index as usize],
             })
         });
-        SeenPoint {
+        ViewedPoint {
             position: point.position,
             views: views.take(MOST_VIEWS).collect(),
         }
@@ -291,12 +291,12 @@ struct View {
 }
 
 /// A point of a model with images that see it.
-struct SeenPoint {
+struct ViewedPoint {
     position: DVec3,
     views: Vec<View>,
 }
 
-impl SeenPoint {
+impl ViewedPoint {
     /// Returns the mean reprojection error in pixels of another position in the images.
     fn error_px(&self, position: DVec3) -> f64 {
         let error = |view: &View| {
@@ -310,7 +310,7 @@ impl SeenPoint {
 }
 
 /// A point as the first and as the second model have it.
-type SharedPoint = [SeenPoint; 2];
+type SharedPoint = [ViewedPoint; 2];
 
 /// Points of two models that may be the same.
 struct SharedPoints {
