@@ -223,7 +223,7 @@ fn no_button_shows_cameras_while_their_edges_are_in_view() {
     assert!(harness.state().shell.view.prefs.frusta);
     harness.run_steps(4);
     assert!(harness.query_by_label("Show cameras").is_none());
-    // Frustums of no size are points, which lie beside the view.
+    // Frustums of no size are points, which lie outside the view.
     harness.state_mut().shell.view.prefs.scene.frustum = 0.0;
     harness.run_steps(4);
     harness.get_by_label("Show cameras");

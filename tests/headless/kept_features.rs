@@ -391,7 +391,8 @@ fn stereo_uses_existing_cameras_although_images_are_unregistered() {
     done(&["clean-cache", &project]);
     let message = reconstruct(&["mvs", "--max-side", "96"]);
     assert!(
-        !message.contains("cameras:") && message.contains("5.png has no depth"),
+        !message.contains("cameras:")
+            && message.contains("2 frames have no camera and get no depth: 5.png, 6.png"),
         "{message}"
     );
     assert_eq!(model(&project), cameras, "the cameras stay as they are");
