@@ -49,6 +49,7 @@ mod following;
 mod frames;
 mod fuse;
 mod kills;
+mod large_sets;
 mod long_videos;
 mod masks;
 mod networks;
@@ -92,6 +93,7 @@ fn main() -> std::process::ExitCode {
         frames::tests(),
         fuse::tests(),
         kills::tests(),
+        large_sets::tests(),
         masks::tests(),
         rgbd::tests(),
         segmenter::tests(),
