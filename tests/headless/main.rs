@@ -47,6 +47,8 @@ mod export_safety;
 #[cfg(test)]
 mod exports;
 #[cfg(test)]
+mod fake_sites;
+#[cfg(test)]
 mod frames;
 #[cfg(test)]
 mod image_inputs;
@@ -68,6 +70,8 @@ mod learned_matches;
 mod mask_inputs;
 #[cfg(test)]
 mod networks;
+#[cfg(test)]
+mod parallel_downloads;
 #[cfg(test)]
 mod ranges;
 #[cfg(test)]

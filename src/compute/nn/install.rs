@@ -9,6 +9,7 @@ use super::network_file::NetworkFile;
 use super::obtain::{Fetched, Supply};
 use super::records::{EntryRecord, change_record, has_accepted, record_of};
 use super::runtime_package::RuntimePackage;
+use super::unfinished::downloaded_bytes;
 
 /// Options of [`install`].
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -212,14 +213,7 @@ fn check_space(
             needed = needed.saturating_add(address.bytes.unwrap_or(0));
         }
     }
-    let there: u64 = fs::read_dir(downloads).map_or(0, |files| {
-        files
-            .flatten()
-            .filter_map(|file| file.metadata().ok())
-            .map(|about| about.len())
-            .sum()
-    });
-    let needed = needed.saturating_sub(there);
+    let needed = needed.saturating_sub(downloaded_bytes(downloads));
     // The folder may not exist yet; the closest existing one is on the same disk.
     let existing = folder.ancestors().find(|path| path.is_dir());
     let free = existing.and_then(|path| fs4::available_space(path).ok());

@@ -20,6 +20,8 @@ mod records;
 mod runtime;
 mod runtime_package;
 mod tensor;
+mod transfer;
+mod unfinished;
 mod unpack;
 
 #[cfg(test)]

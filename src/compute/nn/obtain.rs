@@ -4,7 +4,7 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
 use super::digests::sha256;
-use super::download::fetch;
+use super::download::{DownloadRequest, fetch};
 use super::error::NnError;
 use super::mirror::mirrored;
 use super::network_file::{FileAddress, NetworkFile};
@@ -154,7 +154,16 @@ impl Supply<'_> {
         let what = format!("{} ({})", file.name, self.licence);
         let limit = expected.bytes.unwrap_or(MAX_BYTES);
         let url = mirrored(&address.url)?;
-        fetch(&url, into, limit, &mut |bytes| {
+        // A member of an archive without a digest may have one.
+        let has_known_digest = self.expected_digest(address, expected).is_some()
+            || (address.is_packed() && file.sha256.is_some());
+        let request = DownloadRequest {
+            url: &url,
+            into,
+            limit,
+            has_known_digest,
+        };
+        fetch(&request, &mut |bytes| {
             progress(Fetched {
                 what: &what,
                 bytes,
@@ -194,6 +203,16 @@ impl Supply<'_> {
         })
     }
 
+    /// Returns the digest of the catalogue, or that of the first download.
+    fn expected_digest<'b>(
+        &'b self,
+        address: &FileAddress,
+        expected: &Expected<'b>,
+    ) -> Option<&'b str> {
+        let recorded = self.record.first_downloads.get(&address.url);
+        expected.sha256.or(recorded.map(String::as_str))
+    }
+
     /// Compares a digest; a download with another digest is deleted.
     ///
     /// `given` is the file of which `path` is a copy.
@@ -205,8 +224,7 @@ impl Supply<'_> {
         given: Option<&Path>,
     ) -> Result<Option<FirstDigest>, NnError> {
         let found = digest(path)?;
-        let recorded = self.record.first_downloads.get(&address.url);
-        let Some(expected) = expected.sha256.or(recorded.map(String::as_str)) else {
+        let Some(expected) = self.expected_digest(address, expected) else {
             let url = address.url.clone();
             return Ok(Some(FirstDigest { url, sha256: found }));
         };

@@ -6,7 +6,8 @@ use std::path::Path;
 use super::super::{Catalogue, InstallOptions, NnError, check, install};
 use super::ready;
 use crate::nn::digests::sha256;
-use crate::nn::download::fetch;
+use crate::nn::download::{self, DownloadRequest};
+use crate::nn::unfinished::{FileVersion, Stretch, Unfinished, UnfinishedPaths};
 
 /// Serves a file over HTTP, with ranges, and returns its address.
 ///
@@ -62,6 +63,22 @@ fn answer(mut stream: &TcpStream, file: &[u8], limit: usize) {
     )
     .unwrap();
     let _ = stream.write_all(&file[start..count.min(start.saturating_add(limit))]);
+}
+
+/// Downloads a file that will be compared with a known digest.
+fn fetch(
+    url: &str,
+    into: &Path,
+    limit: u64,
+    progress: &mut dyn FnMut(u64) -> bool,
+) -> Result<(), NnError> {
+    let request = DownloadRequest {
+        url,
+        into,
+        limit,
+        has_known_digest: true,
+    };
+    download::fetch(&request, progress)
 }
 
 fn bytes(count: usize) -> Vec<u8> {
@@ -238,10 +255,33 @@ fn error_for_a_network_without_address_tells_how_to_get_it() {
 }
 
 #[test]
+fn part_file_without_record_is_downloaded_again() {
+    let (file, scratch) = (bytes(5_000), tempfile::tempdir().unwrap());
+    let (url, into) = (serve(file.clone(), &[]), scratch.path().join("file"));
+    fs::write(scratch.path().join("file.part"), [7; 3_000]).unwrap();
+    fetch(&url, &into, 1 << 20, &mut |_| true).unwrap();
+    assert_eq!(fs::read(&into).unwrap(), file);
+}
+
+#[test]
 fn complete_part_file_is_downloaded_again() {
     let (file, scratch) = (bytes(5_000), tempfile::tempdir().unwrap());
     let (url, into) = (serve(file.clone(), &[]), scratch.path().join("file"));
-    fs::write(scratch.path().join("file.part"), &file).unwrap();
+    let paths = UnfinishedPaths::of(&into);
+    fs::write(&paths.data, &file).unwrap();
+    // The server did not state the size, so that the end is not known to be reached.
+    let stretch = Stretch {
+        start: 0,
+        at: 5_000,
+        end: None,
+    };
+    let record = Unfinished {
+        url: url.clone(),
+        size: None,
+        version: FileVersion::default(),
+        stretches: vec![stretch],
+    };
+    record.write(&paths).unwrap();
     fetch(&url, &into, 1 << 20, &mut |_| true).unwrap();
     assert_eq!(fs::read(&into).unwrap(), file);
 }

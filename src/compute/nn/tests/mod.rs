@@ -5,6 +5,7 @@ mod fetch;
 mod install;
 mod network;
 mod obtain;
+mod ranges;
 mod runtime;
 mod server;
 mod signature;
