@@ -196,8 +196,10 @@ fn lines(row: &ModelStatus) -> String {
         }
         None if row.has_address => {
             let size = row.download_text();
-            let size = size.map_or(String::new(), |size| format!(", download {size}"));
-            format!("not installed{size}")
+            let size = size.map_or(String::new(), |size| format!(" {size}"));
+            let server = row.server.as_deref();
+            let server = server.map_or(String::new(), |server| format!(" from {server}"));
+            format!("not installed, download{size}{server}")
         }
         None => format!("not installed, from files only: {}", row.source),
     };

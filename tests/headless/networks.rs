@@ -194,6 +194,30 @@ fn addresses_are_listed_with_size_and_digest() {
 }
 
 #[test]
+fn every_network_is_listed_with_its_origin() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = done(folder.path(), &["models", "list"]);
+    let json = done(folder.path(), &["models", "list", "--json"]);
+    let rows: serde_json::Value = serde_json::from_str(&json).unwrap();
+    for row in rows.as_array().unwrap() {
+        let name = row["name"].as_str().unwrap();
+        let start = format!("{name} ");
+        let line = text.lines().find(|line| line.starts_with(&start)).unwrap();
+        match row["server"].as_str() {
+            Some(server) => assert!(line.ends_with(&format!(" from {server}")), "{line}"),
+            // The official checkpoint, and the script that makes the files of it.
+            None => assert!(
+                line.contains("from files only: https://") && line.contains("assets/export/"),
+                "{line}"
+            ),
+        }
+    }
+    assert!(text.contains("MB from huggingface.co"), "{text}");
+    let text = refused(folder.path(), &["models", "install", "xfeat"]);
+    assert!(text.contains("assets/export/xfeat.py"), "{text}");
+}
+
+#[test]
 fn missing_files_of_a_folder_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let args = ["models", "install", "efficient-sam", "--from", "."];

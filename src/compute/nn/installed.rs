@@ -30,6 +30,8 @@ pub struct ModelStatus {
     pub files: Vec<String>,
     /// Whether every file has a download address.
     pub has_address: bool,
+    /// Server of the preferred download address, if there is one.
+    pub server: Option<String>,
     /// Number of bytes to download, if known.
     pub download_bytes: Option<u64>,
     /// Estimated number of bytes to download, if the exact one is not known.
@@ -191,12 +193,19 @@ fn status(entry: &CatalogueEntry, folder: &Path) -> ModelStatus {
             .iter()
             .filter(|variant| variant.has_address())
     };
-    let download_bytes = if entry.is_library() {
-        let package = RuntimePackage::for_this_system().ok();
-        package.and_then(|package| package.file().download_bytes())
-    } else {
-        available().next().and_then(NetworkVariant::download_bytes)
+    let package = RuntimePackage::for_this_system().ok();
+    let library = package
+        .filter(|_| entry.is_library())
+        .map(RuntimePackage::file);
+    let download_bytes = match &library {
+        Some(library) => library.download_bytes(),
+        None => available().next().and_then(NetworkVariant::download_bytes),
     };
+    let recommended = available().next().and_then(|variant| variant.files.first());
+    let address = library
+        .as_ref()
+        .or(recommended)
+        .and_then(|file| file.addresses.first());
     let variants = available()
         .filter(|variant| !variant.name.is_empty())
         .map(|variant| VariantStatus {
@@ -216,6 +225,7 @@ fn status(entry: &CatalogueEntry, folder: &Path) -> ModelStatus {
         source: entry.source.clone(),
         files: entry.file_names(),
         has_address: entry.has_address(),
+        server: address.map(|address| address.server().to_owned()),
         download_bytes,
         about_bytes: available().next().and_then(NetworkVariant::about_bytes),
         variants: variants.collect(),

@@ -103,6 +103,14 @@ impl FileAddress {
         self.is_gzip || self.member.is_some()
     }
 
+    /// Returns the name of the server.
+    #[must_use]
+    pub fn server(&self) -> &str {
+        let url = self.url.as_str();
+        let path = url.split_once("://").map_or(url, |(_, path)| path);
+        path.split('/').next().unwrap_or(path)
+    }
+
     /// Returns the last part of the address.
     #[must_use]
     pub fn file_name(&self) -> &str {
