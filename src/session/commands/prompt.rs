@@ -287,7 +287,8 @@ impl Session {
 
     /// Returns the state that a prompt is applied to.
     ///
-    /// If only the size of the last answered click changes, this is the state before that click.
+    /// If the last answered click is answered again, in another size or by another segmenter, this is
+    /// the state before that click.
     fn basis_of(&self, request: &PromptRequest) -> Result<PromptBasis> {
         let project = self.snapshot()?;
         let answered = self.last_prompt() == Some((request.frame, request.label));
@@ -299,7 +300,7 @@ impl Session {
             .open
             .as_ref()
             .and_then(|open| open.history().last())
-            .filter(|_| same.is_some_and(|prompt| prompt.size != request.prompt.size));
+            .filter(|_| same.is_some());
         let Some(step) = step else {
             return Ok(PromptBasis {
                 project,

@@ -84,6 +84,37 @@ fn click_by_auto() -> Command {
     })
 }
 
+#[test]
+fn same_click_answered_by_another_segmenter_replaces_its_step() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = recorded(folder.path());
+    let steps = session.undo_title().map(str::to_owned);
+    let mut answer = |segmenter| {
+        let Command::Prompt(request) = click_by_auto() else {
+            unreachable!("a click is a prompt")
+        };
+        perform(
+            &mut session,
+            Command::Prompt(PromptRequest {
+                segmenter,
+                ..request
+            }),
+        )
+        .unwrap();
+        session.project().unwrap().masks[&0].runs.clone()
+    };
+    assert_ne!(
+        answer(SegmenterId::Builtin),
+        answer(SegmenterId::Geometry),
+        "the answers differ"
+    );
+    let last = Some((0, LabelId(1)));
+    assert_eq!(session.last_prompt(), last, "its size can be changed");
+    perform(&mut session, Command::Undo).unwrap();
+    assert!(session.project().unwrap().prompts.is_empty(), "one step");
+    assert_eq!(session.undo_title().map(str::to_owned), steps);
+}
+
 /// Notes that frame 0 is being prepared, by a job that works until the sender is dropped.
 fn being_prepared(session: &mut Session) -> Sender<()> {
     let (sender, receiver) = channel();
