@@ -1,6 +1,6 @@
 //! Offers to install a network where it would help, and what follows the installation.
 
-use egui::{Context, Ui};
+use egui::{Color32, Context, TextStyle, Ui};
 use ostra_compute::nn::{ModelStatus, Runtime};
 use ostra_project::{EngineName, SegmenterId};
 use ostra_session::{Command, EngineKind, InstallRequest, JobTask, ModelRequest, ModelTask};
@@ -34,6 +34,11 @@ const FOR_TEXT: OfferedNetwork = OfferedNetwork {
     title: "Grounding DINO",
     benefit: "finds objects by their names",
 };
+
+/// Buttons of the offer for clicks.
+const INSTALL: &str = "Install";
+const NOT_NOW: &str = "Not now";
+const NEVER: &str = "Never";
 
 /// State of an installation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -105,10 +110,14 @@ impl Installation {
     /// Returns what is being installed and how far it is.
     fn progress(&self, session: &SessionView<'_>) -> Option<String> {
         let name = self.queue.first()?;
+        let mut offered = [FOR_CLICKS, FOR_TEXT].into_iter();
+        let title = offered
+            .find(|network| network.name == *name)
+            .map_or("ONNX Runtime", |network| network.title);
         let job = session.running(&JobTask::Network((*name).into()));
         Some(match job {
-            Some(job) => format!("Installing {name}: {}", progress_text(job)),
-            None => format!("Installing {name}"),
+            Some(job) => format!("Installing {title}: {}", progress_text(job)),
+            None => format!("Installing {title}"),
         })
     }
 }
@@ -193,27 +202,64 @@ pub(crate) fn click_offer_ui(
     let text = match offer {
         ClickOffer::Offer(text) => text,
         ClickOffer::Installing(text) => {
-            ui.spinner();
-            ui.label(text);
+            ui.horizontal_wrapped(|ui| {
+                ui.spinner();
+                ui.label(text);
+            });
             return;
         }
         ClickOffer::Installed => return,
     };
-    ui.label(text);
+    if fits_in_one_row(ui, text, &[INSTALL, NOT_NOW, NEVER]) {
+        ui.horizontal(|ui| {
+            ui.label(text);
+            offer_buttons_ui(ui, session, view, out);
+        });
+    } else {
+        ui.label(text);
+        ui.horizontal(|ui| offer_buttons_ui(ui, session, view, out));
+    }
+}
+
+/// Returns whether a text and buttons fit next to each other.
+///
+/// Wrapped, the last button would be alone in a row.
+fn fits_in_one_row(ui: &Ui, text: &str, buttons: &[&str]) -> bool {
+    let width = |text: &str, style: TextStyle| {
+        let font = style.resolve(ui.style());
+        let galley = ui
+            .painter()
+            .layout_no_wrap(text.to_owned(), font, Color32::PLACEHOLDER);
+        galley.size().x
+    };
+    let spacing = ui.spacing();
+    let around = spacing.item_spacing.x + 2.0 * spacing.button_padding.x;
+    let buttons = buttons
+        .iter()
+        .map(|text| width(text, TextStyle::Button) + around);
+    width(text, TextStyle::Body) + buttons.sum::<f32>() <= ui.available_width()
+}
+
+fn offer_buttons_ui(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    out: &mut Vec<Command>,
+) {
     let install = ui
-        .button("Install")
+        .button(INSTALL)
         .on_hover_text("Download it in the background; the last click is answered again with it");
     if install.clicked() {
         install_or_ask(ui.ctx(), session, view, &FOR_CLICKS, out);
     }
     let later = ui
-        .button("Not now")
+        .button(NOT_NOW)
         .on_hover_text("Ask again when the program is started the next time");
     if later.clicked() {
         view.models.offers.is_closed = true;
     }
     let never = ui
-        .button("Never")
+        .button(NEVER)
         .on_hover_text("Never offer networks; File › Networks and Preferences stay");
     if never.clicked() {
         view.prefs.offer_networks = false;

@@ -198,12 +198,12 @@ pub fn not_run_text(name: &str, why: &str) -> String {
 /// Reports how many megabytes of a download have arrived.
 fn reported(now: Fetched<'_>, progress: &Progress) -> Result<(), Stopped> {
     let megabytes = |bytes: u64| usize::try_from(bytes / 1_000_000).unwrap_or(usize::MAX);
-    let there = megabytes(now.bytes);
+    let (what, there) = (now.what, megabytes(now.bytes));
     match now.of {
         Some(all) => {
-            progress.stage(&format!("{}, MB", now.what))?;
+            progress.stage(&format!("Download {what}"))?;
             progress.step(there, megabytes(all).max(1))
         }
-        None => progress.stage(&format!("{}, {there} MB", now.what)),
+        None => progress.stage(&format!("Download {what}, {there} MB")),
     }
 }

@@ -16,7 +16,7 @@ use ostra_session::{
     Command, EngineKind, InstallRequest, JobTask, JobView, ModelRequest, ModelTask,
 };
 
-use crate::desk::{Desk, open_step};
+use crate::desk::{Desk, on_screen, open_step};
 
 /// Shows the dialog with changed rows.
 fn shown(change: impl Fn(&mut ModelStatus)) -> Harness<'static, Desk> {
@@ -168,7 +168,7 @@ fn installation(network: &str) -> JobView {
         title: format!("Install {network}"),
         task: Some(JobTask::Network(network.into())),
         report: ProgressReport {
-            stage: "mobile-sam-encoder.onnx, MB".into(),
+            stage: "Download mobile-sam-encoder.onnx".into(),
             done: 9,
             total: 45,
         },
@@ -264,6 +264,37 @@ fn offer_is_closed_until_the_next_start_or_for_ever() {
     press_button(&mut harness, "Never");
     assert!(harness.query_by_label_contains("MobileSAM").is_none());
     assert!(!harness.state().shell.view.prefs.offer_networks);
+}
+
+#[test]
+fn offer_does_not_cover_the_clicked_place() {
+    for (share, is_above) in [(0.1, false), (0.95, true)] {
+        let mut desk = without_networks();
+        // So low that the image fills its pane from top to bottom.
+        desk.size = egui::vec2(1600.0, 560.0);
+        let at_px = DVec2::new(10.5, f64::from(desk.project.frames[0].height) * share);
+        let prompt = desk.project.prompts.get_mut(&(0, LabelId(1))).unwrap();
+        prompt.clicks[0].at_px = at_px;
+        let harness = desk.shown();
+        let image = harness.get_by_label("Image 000.png").rect();
+        let offer = harness.get_by_label("Install").rect();
+        let clicked = on_screen(&harness, at_px.x as f32, at_px.y as f32);
+        assert!(image.contains_rect(offer), "{offer} in {image}");
+        assert!((clicked.y - offer.center().y).abs() > 50.0, "{share}");
+        assert_eq!(offer.center().y < image.center().y, is_above, "{share}");
+    }
+}
+
+#[test]
+fn buttons_of_the_offer_stay_together() {
+    for width in [1000.0, 1280.0, 1400.0, 1600.0, 2400.0] {
+        let mut desk = without_networks();
+        desk.size.x = width;
+        let harness = desk.shown();
+        let row = |name: &str| harness.get_by_label(name).rect().center().y;
+        assert_eq!(row("Install"), row("Not now"), "{width}");
+        assert_eq!(row("Install"), row("Never"), "{width}");
+    }
 }
 
 #[test]

@@ -17,6 +17,11 @@ const MANY_BORDERS: usize = 3;
 const WITHOUT_DEPTH: &str =
     "Right size? Alt+wheel makes the answer smaller or larger. For a stem, use Stem & wire.";
 
+/// Height of a bar of three rows with its margins.
+const BAR_HEIGHT: f32 = 110.0;
+/// Distance of the bar from the edge of the image pane.
+const BAR_MARGIN: f32 = 8.0;
+
 /// How far a label extends on a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct LabelSpread {
@@ -94,7 +99,8 @@ fn message(session: &SessionView<'_>, view: &ViewState) -> Option<String> {
 /// Draws a bar over the lower edge of the image if the last answer is probably not what was meant,
 /// or if a network would answer better.
 ///
-/// It covers the image instead of moving it.
+/// It covers the image instead of moving it, but not the last click: near that, it is over the upper
+/// edge.
 pub(super) fn answer_bar_ui(
     ui: &Ui,
     pane: Rect,
@@ -111,9 +117,16 @@ pub(super) fn answer_bar_ui(
     if view.dialog.is_some() || (text.is_none() && offer.is_none()) {
         return;
     }
+    let (pivot, at) = if last_click_is_low(pane, session, view) {
+        let at = pane.center_top() + egui::vec2(0.0, BAR_MARGIN);
+        (Align2::CENTER_TOP, at)
+    } else {
+        let at = pane.center_bottom() - egui::vec2(0.0, BAR_MARGIN);
+        (Align2::CENTER_BOTTOM, at)
+    };
     Area::new(ui.scope_id().with("answer"))
-        .pivot(Align2::CENTER_BOTTOM)
-        .fixed_pos(pane.center_bottom() - egui::vec2(0.0, 8.0))
+        .pivot(pivot)
+        .fixed_pos(at)
         .constrain_to(pane)
         .show(ui.ctx(), |ui| {
             Frame::popup(ui.style()).show(ui, |ui| {
@@ -129,10 +142,21 @@ pub(super) fn answer_bar_ui(
                     });
                 }
                 if let Some(offer) = offer {
-                    ui.horizontal_wrapped(|ui| click_offer_ui(ui, &offer, session, view, out));
+                    click_offer_ui(ui, &offer, session, view, out);
                 }
             });
         });
+}
+
+/// Returns whether a bar over the lower edge would cover the last click.
+fn last_click_is_low(pane: Rect, session: &SessionView<'_>, view: &ViewState) -> bool {
+    let last_click = || {
+        let (frame, label) = session.last_prompt?;
+        let prompt = session.project.prompts.get(&(frame, label))?;
+        let click = prompt.clicks.last().filter(|_| frame == view.frame)?;
+        Some(view.canvas_map?.to_screen(click.at_px))
+    };
+    last_click().is_some_and(|at| pane.contains(at) && at.y > pane.bottom() - BAR_HEIGHT)
 }
 
 fn size_buttons_ui(
