@@ -432,7 +432,37 @@ fn page_on_text_prompts() {
     assert!(status.unwrap().success());
 }
 
+/// Clicks the pot on a photo, in another process of this test, in whose data folder is no network.
+fn page_on_networks() {
+    if let Some(project) = std::env::var_os(PROJECT) {
+        let mut stage = Stage::open(Some(Path::new(&project)));
+        stage.show(Panes::Image, 6);
+        let pot = stage.on_screen(240.0, 615.0);
+        stage.click(pot);
+        stage.settle();
+        stage
+            .harness
+            .get_by_label_contains("MobileSAM (45 MB, Apache-2.0)");
+        stage.save("network-offer");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let example = tutorials::example().join("example/recording/color");
+    tutorials::copy(&example, &folder.path().join("color"));
+    for line in ["ostra new plant --frames color", "ostra label plant pot"] {
+        tutorials::run(line, folder.path());
+    }
+    let status = std::process::Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", "book_images::page_on_networks"])
+        .env("XDG_DATA_HOME", folder.path().join("data"))
+        .env_remove("OSTRA_NETWORKS")
+        .env(PROJECT, folder.path().join("plant"))
+        .status();
+    assert!(status.unwrap().success());
+}
+
 crate::registry::tests! {
+    Nothing => page_on_networks;
     Nothing => pages_on_labelling_and_3d, pages_on_conflicts_and_borders, pages_on_photos;
     Nothing => pages_on_the_demo, page_on_servers;
     Networks(&["banana"]) => page_on_text_prompts;

@@ -67,16 +67,18 @@ def is_named(node, name):
 class Window:
     """A running window, with a home folder of its own."""
 
-    def __init__(self, program, shots, size=(1280, 800), arguments=()):
+    def __init__(self, program, shots, size=(1280, 800), arguments=(), environment=None):
+        """`environment` has more variables for the program."""
         self.program, self.shots, self.size = program, shots, size
         self.number, self.actions, self.seconds = 0, 0, 0.0
         self.home = tempfile.mkdtemp(prefix="ostra-window-")
         os.makedirs(shots, exist_ok=True)
-        environment = dict(os.environ, HOME=self.home, XDG_CONFIG_HOME=self.home + "/config",
-                           XDG_DATA_HOME=self.home + "/data", XDG_CACHE_HOME=self.home + "/cache")
-        environment.pop("ORT_DYLIB_PATH", None)
-        environment.setdefault("XDG_RUNTIME_DIR", self.home)
-        self.process = subprocess.Popen([program, *arguments], env=environment, cwd=self.home)
+        variables = dict(os.environ, HOME=self.home, XDG_CONFIG_HOME=self.home + "/config",
+                         XDG_DATA_HOME=self.home + "/data", XDG_CACHE_HOME=self.home + "/cache")
+        variables.pop("ORT_DYLIB_PATH", None)
+        variables.setdefault("XDG_RUNTIME_DIR", self.home)
+        variables.update(environment or {})
+        self.process = subprocess.Popen([program, *arguments], env=variables, cwd=self.home)
         self.began = time.monotonic()
         self.waited = 0.0
         self.id = self.xdotool("search", "--sync", "--onlyvisible", "--pid", str(self.process.pid)).split()[-1]
