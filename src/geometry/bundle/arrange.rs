@@ -3,8 +3,13 @@ use super::problem::{Bundle, BundleOptions};
 use super::state::CameraState;
 use crate::blocks::BLOCK;
 
-/// Number of observations at which a piece is full.
+/// Least number of observations at which a piece is full.
 const PIECE: usize = 512;
+/// Least number of observations of a full piece per block of unknowns.
+///
+/// Each piece has a list of all blocks, and each block asks each piece for its entries. With pieces
+/// of a fixed size, time and memory for that grow with the square of the number of images.
+const PIECE_PER_BLOCK: usize = 2;
 
 /// Observations of one point that are used.
 struct Track {
@@ -29,11 +34,12 @@ pub(super) fn arrange(
     };
     let tracks = arranger.tracks();
     let mut layout = arranger.number(&tracks);
+    let full = PIECE.max(PIECE_PER_BLOCK * layout.len());
     let mut point_blocks: Vec<PointBlock> = Vec::new();
     for track in tracks {
         if point_blocks
             .last()
-            .is_none_or(|point_block| point_block.observations.len() >= PIECE)
+            .is_none_or(|point_block| point_block.observations.len() >= full)
         {
             point_blocks.push(PointBlock {
                 starts: vec![0],
@@ -46,6 +52,8 @@ pub(super) fn arrange(
     }
     for point_block in &mut point_blocks {
         point_block.tried.clone_from(&point_block.points);
+        // A piece is full soon after a power of two, where a vector has twice the room.
+        point_block.observations.shrink_to_fit();
         point_block.by_observation.finish(layout.len());
         point_block.by_point.finish(layout.len());
     }

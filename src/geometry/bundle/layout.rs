@@ -120,6 +120,9 @@ impl Groups {
 
     /// Sorts the entries by block; `count` is the number of blocks.
     pub fn finish(&mut self, count: usize) {
+        self.starts.shrink_to_fit();
+        self.blocks.shrink_to_fit();
+        self.sorted.reserve_exact(self.blocks.len());
         let blocks = &self.blocks;
         for group in 0..self.len() {
             let entries = self.entries(group);
