@@ -418,8 +418,12 @@ impl Mapper<'_> {
     /// Returns whether the model has grown enough since the last adjustment for another one.
     fn has_grown(&self, since: ModelSize) -> bool {
         let now = self.size();
-        let grown =
-            |now: usize, since: usize| now as f64 >= self.options.global_growth * since as f64;
+        let growth = if self.is_large() {
+            self.options.large_growth
+        } else {
+            self.options.global_growth
+        };
+        let grown = |now: usize, since: usize| now as f64 >= growth * since as f64;
         grown(now.images, since.images) || grown(now.points, since.points)
     }
 

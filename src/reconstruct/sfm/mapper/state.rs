@@ -31,6 +31,11 @@ pub struct MapperOptions {
     pub local_images: usize,
     /// Growth of the number of images or points after which all is adjusted.
     pub global_growth: f64,
+    /// The same for a large model.
+    pub large_growth: f64,
+    /// Number of images from which a model is large: it is then adjusted less often, and with a
+    /// part of the observations of points that many images see.
+    pub large_images: usize,
     /// Models with fewer images are not kept.
     pub min_model_images: usize,
     /// Models with fewer points are not kept.
@@ -51,6 +56,8 @@ impl Default for MapperOptions {
             min_angle: 1.5f64.to_radians(),
             local_images: 6,
             global_growth: 1.1,
+            large_growth: 1.25,
+            large_images: 60,
             min_model_images: 2,
             min_model_points: 60,
             seed: 0,
@@ -193,6 +200,11 @@ impl<'a> Mapper<'a> {
     /// Returns whether an image may still be placed.
     pub fn is_open(&self, image: u32) -> bool {
         !self.closed[image as usize] && !self.model.is_placed(image)
+    }
+
+    /// Returns whether so many images are placed that adjustments have to be bounded.
+    pub fn is_large(&self) -> bool {
+        self.model.placed().count() >= self.options.large_images
     }
 
     pub fn place(&mut self, image: u32, camera_from_world: Pose) {

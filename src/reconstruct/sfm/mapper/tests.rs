@@ -219,6 +219,23 @@ fn thirty_views_are_placed_despite_noise_and_outliers() {
 }
 
 #[test]
+fn large_model_is_as_exact_with_bounded_adjustments() {
+    let made = Made::new(&RING, 2);
+    let options = MapperOptions {
+        large_images: 5,
+        ..MapperOptions::default()
+    };
+    let models = map(&made.problem, &options, &Progress::default()).unwrap();
+    assert_eq!(models[0].model.placed().count(), 30);
+    let (centre, rotation) = made.errors(&models[0]);
+    let (whole, _) = made.errors(&made.map()[0]);
+    assert!(
+        centre < 1.2 * whole + 1e-5 && rotation < 0.05,
+        "centre {centre:.2e} and {whole:.2e}, rotation {rotation:.3}°"
+    );
+}
+
+#[test]
 fn reversed_first_pair_is_replaced() {
     // From afar, the images of two cameras agree almost as well with the reversed relief and motion.
     let far = Recipe {
