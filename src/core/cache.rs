@@ -78,6 +78,14 @@ impl<K: Hash + Eq + Clone, V: Weigh + Clone> Cache<K, V> {
         self.lock().touch(key)
     }
 
+    /// Removes the value of `key` if it is cached.
+    pub fn remove(&self, key: &K) {
+        let mut state = self.lock();
+        if matches!(state.entries.get(key), Some(CacheEntry::Ready { .. })) {
+            state.remove(key);
+        }
+    }
+
     /// Returns the number of bytes cached; never above the budget.
     #[must_use]
     pub fn bytes(&self) -> usize {
@@ -151,10 +159,13 @@ impl<K: Hash + Eq + Clone, V: Weigh + Clone> CacheState<K, V> {
             .iter()
             .filter_map(|(key, entry)| Some((age(entry)?, key)))
             .min_by_key(|(used, _)| *used);
-        let Some(key) = oldest.map(|(_, key)| key.clone()) else {
-            return;
-        };
-        if let Some(CacheEntry::Ready { value, .. }) = self.entries.remove(&key) {
+        if let Some(key) = oldest.map(|(_, key)| key.clone()) {
+            self.remove(&key);
+        }
+    }
+
+    fn remove(&mut self, key: &K) {
+        if let Some(CacheEntry::Ready { value, .. }) = self.entries.remove(key) {
             self.bytes -= value.bytes();
         }
     }
@@ -221,6 +232,18 @@ mod tests {
         assert!(cache.peek(&2).is_none(), "1 was used later than 2");
         fill(&cache, 4, 101);
         assert!(cache.peek(&4).is_none() && cache.peek(&3).is_some());
+    }
+
+    #[test]
+    fn removed_value_is_loaded_again() {
+        let cache = Cache::new(100);
+        fill(&cache, 1, 40);
+        fill(&cache, 2, 40);
+        cache.remove(&1);
+        cache.remove(&3);
+        assert_eq!((cache.bytes(), cache.peek(&1)), (40, None));
+        fill(&cache, 1, 50);
+        assert_eq!((cache.bytes(), cache.peek(&1)), (90, Some(Block(50))));
     }
 
     #[test]

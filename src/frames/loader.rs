@@ -133,6 +133,10 @@ impl Loader {
         }
     }
 
+    pub fn forget_image(&self, frame: &Frame) {
+        self.pixels.remove(&Key::of_image(&frame.image));
+    }
+
     pub fn cached_image(&self, frame: &Frame) -> Option<Arc<Image>> {
         match self.pixels.peek(&Key::of_image(&frame.image))? {
             Pixels::Image(image) => checked(frame, image).ok(),

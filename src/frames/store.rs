@@ -71,6 +71,17 @@ impl FrameStore {
         self.loader.cached_image(frame)
     }
 
+    /// Drops the frame's decoded image, which will not be needed again soon.
+    pub fn forget_image(&self, frame: &Frame) {
+        self.loader.forget_image(frame);
+    }
+
+    /// Returns whether the decoded images of all these frames fit the cache together.
+    #[must_use]
+    pub fn can_hold<'a>(&self, frames: impl IntoIterator<Item = &'a Frame>) -> bool {
+        frames.into_iter().map(image_bytes).sum::<usize>() <= self.budget_bytes
+    }
+
     /// Returns which pixels of the frame's image are opaque and not next to a transparent one.
     ///
     /// These are `width · height` values, row by row; `None` if all are opaque. [`Self::image`]

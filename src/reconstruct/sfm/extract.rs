@@ -7,7 +7,7 @@ use super::asift::{Tilt, tilted_features};
 use super::cache::{CachedExtractor, ImageKey};
 use super::{Descriptors, FeatureExtractor, Features, SfmError};
 use ostra_core::job::Progress;
-use ostra_frames::{Frame, FrameError, FrameStore, Image};
+use ostra_frames::{Frame, FrameError, FrameStore, Image, ImageSource};
 
 /// Number of images that are decoded ahead while features of another are extracted.
 const AHEAD: usize = 2;
@@ -21,6 +21,17 @@ pub struct ImageFeatures {
     pub colors: Vec<[u8; 3]>,
     /// Why the image cannot be read; it then has no features.
     pub unreadable: Option<String>,
+    /// Key of exactly these features in the cache; `None` if they are not there.
+    pub(super) kept: Option<ImageKey>,
+}
+
+impl ImageFeatures {
+    /// Frees the descriptors if they can be read from the cache again.
+    pub(super) fn release_descriptors(&mut self) {
+        if self.kept.is_some() {
+            self.features.descriptors.clear();
+        }
+    }
 }
 
 /// Returns the allowed pixels of a frame by its number: `width · height` values row by row; `None` = all.
@@ -60,6 +71,10 @@ impl FrameFeatureExtractor<'_> {
         progress: &Progress,
     ) -> Result<Vec<ImageFeatures>, SfmError> {
         let mut all = Vec::with_capacity(chosen.len());
+        // If not all images fit the cache, they would only displace each other.
+        let keeps_images = self
+            .store
+            .can_hold(chosen.iter().map(|&number| &self.frames[number]));
         let mut coming = VecDeque::new();
         let mut rest = chosen.iter();
         for done in 0..chosen.len() {
@@ -73,8 +88,43 @@ impl FrameFeatureExtractor<'_> {
             let next: Vec<Frame> = next.map(|next| self.frames[next.number].clone()).collect();
             self.store.prefetch(&next);
             all.push(self.of_wanted(&wanted)?);
+            if !keeps_images {
+                self.store.forget_image(&self.frames[wanted.number]);
+            }
         }
         Ok(all)
+    }
+
+    /// Reads released descriptors from the cache again; `numbers` holds the frame of each image.
+    ///
+    /// Those that were removed from the cache since are extracted again.
+    ///
+    /// # Errors
+    /// As [`Self::of_frames`].
+    pub fn restore_descriptors(
+        &self,
+        images: &mut [ImageFeatures],
+        numbers: &[usize],
+    ) -> Result<(), SfmError> {
+        for (image, &number) in images.iter_mut().zip(numbers) {
+            let is_whole = image.features.descriptors.len() == image.features.keypoints.len();
+            let Some(key) = image.kept.filter(|_| !is_whole) else {
+                continue;
+            };
+            let frame = &self.frames[number];
+            let known = self
+                .cached
+                .and_then(|cached| cached.image_again(&key, frame));
+            let again = match known {
+                Some(features) => features,
+                None => self.of_frame(number)?.features,
+            };
+            if again.keypoints != image.features.keypoints {
+                return Err(changed(frame).into());
+            }
+            image.features = again;
+        }
+        Ok(())
     }
 
     fn wanted(&self, number: usize) -> WantedFrame {
@@ -114,12 +164,14 @@ impl FrameFeatureExtractor<'_> {
                 features,
                 colors,
                 unreadable: None,
+                kept: Some(*key),
             });
         }
         // Kept once, by the file and not by its pixels.
-        let made = self.decoded(frame, cached.extractor, allowed)?;
+        let mut made = self.decoded(frame, cached.extractor, allowed)?;
         if made.unreadable.is_none() {
             cached.keep_image(key, &made.features, &made.colors);
+            made.kept = cached.has_image(key).then_some(*key);
         }
         Ok(made)
     }
@@ -209,6 +261,15 @@ fn coloured(features: Features, image: &Image) -> ImageFeatures {
         features,
         colors,
         unreadable: None,
+        kept: None,
+    }
+}
+
+fn changed(frame: &Frame) -> FrameError {
+    let (ImageSource::File { path, .. } | ImageSource::Video { path, .. }) = &frame.image;
+    FrameError::Invalid {
+        path: path.clone(),
+        what: "changed while cameras were computed; reconstruct again".into(),
     }
 }
 
@@ -229,6 +290,7 @@ fn none(frame: &Frame, why: String) -> ImageFeatures {
         features,
         colors: Vec::new(),
         unreadable: Some(why),
+        kept: None,
     }
 }
 

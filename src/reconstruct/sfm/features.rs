@@ -57,6 +57,14 @@ impl Descriptors {
         }
     }
 
+    /// Frees all values; no keypoint is described any more.
+    pub(super) fn clear(&mut self) {
+        match self {
+            Self::Bytes { values, .. } => *values = Vec::new(),
+            Self::Floats { values, .. } => *values = Vec::new(),
+        }
+    }
+
     /// Returns whether no keypoint is described.
     #[must_use]
     pub fn is_empty(&self) -> bool {

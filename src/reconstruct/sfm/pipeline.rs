@@ -59,7 +59,7 @@ pub fn structure_from_motion(
 ) -> Result<SfmResult, SfmError> {
     progress.stage("find features")?;
     let frames = request.frames;
-    let images = request
+    let mut images = request
         .frame_extractor(store)
         .of_frames(request.mapped, progress)?;
     progress.stage("match")?;
@@ -70,6 +70,7 @@ pub fn structure_from_motion(
         .collect();
     let groups = CameraGroups::new(&chosen);
     let (problem, tried) = problem(request, &chosen, &groups, &images, progress)?;
+    release(&mut images, request);
     progress.stage("map")?;
     let models = map(&problem, &request.mapper, progress)?;
     let models = join_models(&problem, models, &request.mapper, progress);
@@ -95,6 +96,11 @@ pub fn structure_from_motion(
     let mut models: Vec<SfmModel> = (0..attempt.models.len())
         .map(|index| sfm_model(request, &attempt, index))
         .collect();
+    if !request.located.is_empty() {
+        request
+            .frame_extractor(store)
+            .restore_descriptors(&mut attempt.images, request.mapped)?;
+    }
     match finish(request, &attempt, store, &mut models, progress) {
         // A partial result is scaled all the same: its scale could not be determined later.
         Err(SfmError::Stopped(_)) => {
@@ -158,6 +164,16 @@ fn contradicted(mapped: &Mapped) -> Option<String> {
             mapped.contradiction
         )
     })
+}
+
+/// Frees what the mapper does not need and the cache has.
+fn release(images: &mut [ImageFeatures], request: &SfmRequest<'_>) {
+    images
+        .iter_mut()
+        .for_each(ImageFeatures::release_descriptors);
+    if let Some(cache) = request.cache() {
+        cache.release_entries();
+    }
 }
 
 fn finish(

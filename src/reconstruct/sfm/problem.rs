@@ -1,5 +1,7 @@
 //! The mapping problem: images, cameras, correspondences, and the sparse models made from them.
 
+use std::sync::Arc;
+
 use glam::{DVec2, DVec3};
 
 use ostra_geometry::{Camera, Pose, TwoViewKind};
@@ -49,8 +51,8 @@ pub struct MapImage {
 pub struct VerifiedPair {
     /// The two images, the lower number first.
     pub images: [u32; 2],
-    /// Pairs of keypoint indices that agree.
-    pub matches: Vec<[u32; 2]>,
+    /// Pairs of keypoint indices that agree; copies of a pair share them.
+    pub matches: Arc<[[u32; 2]]>,
     /// The kind of geometry that explains them.
     pub kind: TwoViewKind,
     /// `second_from_first` with a translation of length 1, if it could be determined.

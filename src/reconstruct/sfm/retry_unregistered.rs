@@ -50,23 +50,30 @@ pub(super) fn retry_unregistered(
     store: &FrameStore,
     progress: &Progress,
 ) -> Result<Attempt, SfmError> {
+    if attempt.models.is_empty() || left_out(&attempt).is_empty() {
+        return Ok(attempt);
+    }
+    request
+        .frame_extractor(store)
+        .restore_descriptors(&mut attempt.images, request.mapped)?;
     for search in [nearby, under_tilts] {
-        let found = search(&attempt, request, store, progress).and_then(|gains| {
-            let problem = attempt.problem_with(&gains);
-            Ok((
-                extended(&attempt, &problem, &gains, request, progress)?,
-                problem,
-                gains,
-            ))
-        });
+        let found = search(&attempt, request, store, progress)
+            .and_then(|gains| extended(&attempt, gains, request, progress));
         match found {
-            Ok((Some(model), problem, gains)) => attempt.take(model, problem, gains),
-            Ok((None, ..)) => {}
+            Ok(Some(extended)) => attempt.take(extended),
+            Ok(None) => {}
             Err(SfmError::Stopped(_)) => break,
             Err(error) => return Err(error),
         }
     }
     Ok(attempt)
+}
+
+/// A model with more images, and the matches that led to them.
+struct Extended {
+    model: Mapped,
+    problem: MapProblem,
+    gains: Gains,
 }
 
 /// Additional matches of images that were left out.
@@ -105,11 +112,11 @@ impl Attempt {
     }
 
     /// Takes over a model with more images.
-    fn take(&mut self, model: Mapped, problem: MapProblem, gains: Gains) {
-        self.tried = self.tried_with(&gains);
-        self.problem = problem;
-        self.images_take(gains.images);
-        self.models[0] = model;
+    fn take(&mut self, extended: Extended) {
+        self.tried = self.tried_with(&extended.gains);
+        self.problem = extended.problem;
+        self.images_take(extended.gains.images);
+        self.models[0] = extended.model;
     }
 
     fn images_take(&mut self, images: BTreeMap<usize, ImageFeatures>) {
@@ -122,18 +129,23 @@ impl Attempt {
 /// Returns the first model with more images, if the additional matches lead to any.
 fn extended(
     attempt: &Attempt,
-    problem: &MapProblem,
-    gains: &Gains,
+    gains: Gains,
     request: &SfmRequest<'_>,
     progress: &Progress,
-) -> Result<Option<Mapped>, SfmError> {
+) -> Result<Option<Extended>, SfmError> {
     if gains.pairs.iter().all(|pair| pair.verified.is_none()) {
         return Ok(None);
     }
     progress.stage("place unregistered images")?;
     let before = placed(&attempt.models);
-    let extended = extend(problem, &attempt.models, &request.mapper, progress)?;
-    Ok(extended.filter(|mapped| mapped.model.placed().count() > before))
+    let problem = attempt.problem_with(&gains);
+    let model = extend(&problem, &attempt.models, &request.mapper, progress)?;
+    let grown = model.filter(|mapped| mapped.model.placed().count() > before);
+    Ok(grown.map(|model| Extended {
+        model,
+        problem,
+        gains,
+    }))
 }
 
 /// Announces the stages of one search.

@@ -42,6 +42,7 @@ impl Merged {
         }
         let number = self.image.features.keypoints.len() as u32;
         add(&mut self.image.features, &view.features, index as usize);
+        self.image.kept = None;
         self.image.colors.push(view.colors[index as usize]);
         self.squares.entry(square(at_px)).or_default().push(number);
         number

@@ -239,6 +239,7 @@ fn image(places: &[[f64; 2]]) -> ImageFeatures {
         features,
         colors: (0..places.len()).map(|i| [i as u8; 3]).collect(),
         unreadable: None,
+        kept: None,
     }
 }
 

@@ -48,13 +48,19 @@ impl CachedExtractor<'_> {
     /// Returns the features of a frame's image and the colour at each, if they are cached.
     #[must_use]
     pub fn image(&self, key: &ImageKey, frame: &Frame) -> Option<(Features, Vec<[u8; 3]>)> {
-        let (width, height) = (frame.width as usize, frame.height as usize);
-        let is_right = |kept: &KeptFeatures| {
-            are_of(&kept.features, width, height)
-                && kept.colors.len() == kept.features.keypoints.len()
-        };
-        let kept = self.cache.features(&key.0, is_right)?;
+        let kept = self.cache.features(&key.0, |kept| is_of(kept, frame))?;
         Some((kept.features, kept.colors))
+    }
+
+    /// Returns the features of a frame's image that were returned or kept before in this run.
+    ///
+    /// They do not count as reused.
+    #[must_use]
+    pub fn image_again(&self, key: &ImageKey, frame: &Frame) -> Option<Features> {
+        let kept = self
+            .cache
+            .read_features(&key.0, |kept| is_of(kept, frame))?;
+        Some(kept.features)
     }
 
     /// Keeps the features of an image, with the colour at each.
@@ -65,4 +71,10 @@ impl CachedExtractor<'_> {
         };
         self.cache.keep_features(&key.0, &kept);
     }
+}
+
+/// Returns whether cached features are plausible for the image of a frame.
+fn is_of(kept: &KeptFeatures, frame: &Frame) -> bool {
+    are_of(&kept.features, frame.width as usize, frame.height as usize)
+        && kept.colors.len() == kept.features.keypoints.len()
 }

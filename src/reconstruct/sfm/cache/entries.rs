@@ -136,6 +136,8 @@ fn pose(values: &[f64]) -> Option<Pose> {
 #[derive(Debug)]
 pub(super) struct Entries<E> {
     known: FxHashMap<Key, E>,
+    /// Whether those of the files have to be read again.
+    pub are_released: bool,
     /// Keys of the entries that are not on the disk yet.
     unsaved: Vec<Key>,
     saved: Option<Instant>,
@@ -145,6 +147,7 @@ impl<E> Default for Entries<E> {
     fn default() -> Self {
         Self {
             known: FxHashMap::default(),
+            are_released: false,
             unsaved: Vec::new(),
             saved: None,
         }
@@ -152,6 +155,14 @@ impl<E> Default for Entries<E> {
 }
 
 impl<E: Entry> Entries<E> {
+    /// Creates the entries of which those of the files are read when one is asked for.
+    pub fn released() -> Self {
+        Self {
+            are_released: true,
+            ..Self::default()
+        }
+    }
+
     /// Adds the entries of a file, except those of which a file that was loaded before has a newer one.
     pub fn load(&mut self, bytes: &[u8]) -> Result<(), Unusable> {
         let mut values = Reader(opened(bytes, E::KIND)?);

@@ -63,8 +63,8 @@ impl FeatureCache {
             made: Counts::default(),
         };
         if cache.is_readable() {
-            cache.load(&cache.matches);
-            cache.load(&cache.verified);
+            cache.load(&mut lock(&cache.matches));
+            cache.load(&mut lock(&cache.verified));
         }
         cache
     }
@@ -111,6 +111,15 @@ impl FeatureCache {
         damage.into_iter().chain(failure).collect()
     }
 
+    /// Frees the matches and verified pairs in memory; they are read again when one is asked for.
+    pub fn release_entries(&self) {
+        self.save_entries();
+        if self.is_readable() && lock(&self.failure).is_none() {
+            *lock(&self.matches) = Entries::released();
+            *lock(&self.verified) = Entries::released();
+        }
+    }
+
     /// Returns the features of a key if they are cached and pass `is_right`.
     pub(super) fn features(
         &self,
@@ -127,7 +136,7 @@ impl FeatureCache {
         found
     }
 
-    fn read_features(
+    pub(super) fn read_features(
         &self,
         key: &Key,
         is_right: impl FnOnce(&KeptFeatures) -> bool,
@@ -157,7 +166,7 @@ impl FeatureCache {
     }
 
     pub(super) fn pair(&self, key: &Key) -> Option<Matches> {
-        let found = lock(&self.matches).get(key).cloned();
+        let found = self.loaded(&self.matches).get(key).cloned();
         let counts = if found.is_some() {
             &self.found
         } else {
@@ -172,7 +181,7 @@ impl FeatureCache {
     }
 
     pub(super) fn verified(&self, key: &Key) -> Option<Option<VerifiedMatches>> {
-        lock(&self.verified).get(key).cloned()
+        self.loaded(&self.verified).get(key).cloned()
     }
 
     pub(super) fn keep_verified(&self, key: Key, verified: Option<VerifiedMatches>) {
@@ -198,8 +207,17 @@ impl FeatureCache {
         }
     }
 
-    fn load<E: Entry>(&self, entries: &Mutex<Entries<E>>) {
-        let (mut entries, mut left) = (lock(entries), LOADED_BYTES);
+    /// Returns the entries, which are read from the files again if they were released.
+    fn loaded<'a, E: Entry>(&self, entries: &'a Mutex<Entries<E>>) -> MutexGuard<'a, Entries<E>> {
+        let mut entries = lock(entries);
+        if std::mem::take(&mut entries.are_released) && self.is_readable() {
+            self.load(&mut entries);
+        }
+        entries
+    }
+
+    fn load<E: Entry>(&self, entries: &mut Entries<E>) {
+        let mut left = LOADED_BYTES;
         let files = disk::kept_files(&self.folder, |name| is_named(name, E::PREFIX));
         for file in files.into_iter().rev() {
             let Some(rest) = left.checked_sub(file.bytes) else {

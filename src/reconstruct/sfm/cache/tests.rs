@@ -168,6 +168,32 @@ fn matches_are_cached_by_images_and_by_those_that_they_depend_on() {
 }
 
 #[test]
+fn released_matches_are_read_again() {
+    let scratch = tempfile::tempdir().unwrap();
+    let worker = Worker::default();
+    let cache = FeatureCache::open(scratch.path().join("cache"), LIMIT);
+    let extractor = CachedExtractor {
+        extractor: &worker,
+        identity: "a",
+        cache: &cache,
+    };
+    let matcher = CachedMatcher {
+        matcher: &worker,
+        identity: "a",
+        cache: &cache,
+    };
+    let features = [0.25, 0.5].map(|shade| extractor.extract(&[shade; 24], 6, 4, None).unwrap());
+    let first = matcher.matches(&features[0], &features[1]).unwrap();
+    for _ in 0..2 {
+        cache.release_entries();
+        let again = matcher.matches(&features[0], &features[1]).unwrap();
+        assert_eq!(again, first);
+    }
+    let made = worker.pairs.load(Ordering::Relaxed);
+    assert_eq!(made, 1, "not matched again");
+}
+
+#[test]
 fn damaged_or_foreign_files_are_computed_again() {
     let scratch = tempfile::tempdir().unwrap();
     let run = Run {

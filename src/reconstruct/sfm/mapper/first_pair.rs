@@ -168,7 +168,7 @@ impl Mapper<'_> {
                     .iter()
                     .map(|camera| camera.focal_px.element_sum())
                     .sum::<f64>();
-            for &[i, j] in &pair.matches {
+            for &[i, j] in pair.matches.iter() {
                 let rays =
                     [(a, i), (b, j)].map(|(image, index)| self.ray(KeypointId { image, index }));
                 let error_px = px * sampson_distance(&essential, rays);

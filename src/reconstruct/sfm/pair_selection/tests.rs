@@ -58,9 +58,9 @@ impl Strip {
         TriedPair {
             images,
             matches: matches.len(),
-            verified: (matches.len() >= 15).then_some(VerifiedPair {
+            verified: (matches.len() >= 15).then(|| VerifiedPair {
                 images,
-                matches,
+                matches: matches.into(),
                 kind: TwoViewKind::Uncalibrated,
                 second_from_first: None,
                 parallax: 0.1,
