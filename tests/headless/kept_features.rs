@@ -1,7 +1,9 @@
 //! Tests that a repeated or stopped reconstruction reuses its features, matches and cameras.
 
+use std::io::{BufRead, BufReader};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::process::{Command as Process, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use image::{GrayImage, Luma};
@@ -111,6 +113,43 @@ fn stopped_reconstruction_resumes_with_its_features() {
     );
 }
 
+/// Starts a reconstruction in another process and kills it while it matches images.
+fn kill_while_matching(project: &str) {
+    let mut child = Process::new(env!("CARGO_BIN_EXE_ostra"))
+        .args(["reconstruct", project, "--method", "sfm"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    let matches = lines.any(|line| line.unwrap().contains("Match images"));
+    child.kill().unwrap();
+    let was_killed = !child.wait().unwrap().success();
+    assert!(matches && was_killed, "it ended before it could be killed");
+}
+
+#[test]
+fn reconstruction_killed_while_matching_is_repeated_with_the_same_bytes() {
+    let photos = Photos::new(10);
+    let [killed, whole] = ["killed", "whole"].map(|name| photos.project(name, &[]));
+    let sfm = |project: &str| {
+        done_with_both(&["reconstruct", project, "--method", "sfm"].map(str::to_owned))
+    };
+    kill_while_matching(&killed);
+    let again = sfm(&killed);
+    assert!(again.contains("features of 10 of 10 images"), "{again}");
+    sfm(&whole);
+    let files = |project: &str| {
+        let files = model(project).into_iter();
+        files
+            .map(|(path, bytes)| (path.file_name().unwrap().to_owned(), bytes))
+            .collect::<Vec<_>>()
+    };
+    let repeated = files(&killed);
+    assert!(!repeated.is_empty());
+    assert!(repeated == files(&whole), "as without the kill");
+}
+
 /// Matches nearest descriptors, and stops the run after a number of pairs.
 struct StoppingMatcher {
     matcher: NearestMatcher,
@@ -153,6 +192,7 @@ fn run_with(
     cache: &Path,
     pairs: PairOptions,
     stop_after: usize,
+    store: &FrameStore,
 ) -> (Result<SfmResult, SfmError>, usize) {
     let request = OpenRequest {
         sources: vec![photos.to_path_buf().into()],
@@ -191,7 +231,7 @@ fn run_with(
         pairs,
         mapper: MapperOptions::default(),
     };
-    let result = structure_from_motion(&request, &FrameStore::new(16 << 20), &progress);
+    let result = structure_from_motion(&request, store, &progress);
     (result, stopping.pairs.load(Ordering::Relaxed))
 }
 
@@ -202,8 +242,10 @@ fn check_stopped_run(photos: &Photos, pairs: &PairOptions, matched: impl Fn(usiz
     let (images, scratch) = (photos.path("color"), photos.path("caches"));
     std::fs::create_dir(&scratch).unwrap();
     let [of_whole, of_stopped] = ["whole", "stopped"].map(|name| Path::new(&scratch).join(name));
-    let run =
-        |cache: &Path, stop_after| run_with(Path::new(&images), cache, pairs.clone(), stop_after);
+    let store = FrameStore::new(16 << 20);
+    let run = |cache: &Path, stop_after| {
+        run_with(Path::new(&images), cache, pairs.clone(), stop_after, &store)
+    };
     let (whole, all) = run(&of_whole, 0);
     let whole = whole.unwrap();
     assert!(matched(all), "{all}");
@@ -240,6 +282,21 @@ fn run_stopped_between_rounds_of_matching_ends_with_the_same_result() {
     let first_round = 9 + 1;
     let some_pairs = |matched| matched > first_round;
     check_stopped_run(&Photos::new(10), &chosen, some_pairs);
+}
+
+#[test]
+fn images_that_do_not_fit_the_memory_together_are_not_kept() {
+    let photos = Photos::new(5);
+    let images = photos.path("color");
+    let of_one = (WIDTH * HEIGHT * 3) as usize;
+    let kept_of = |budget: usize| {
+        let (store, cache) = (FrameStore::new(budget), photos.path(&budget.to_string()));
+        let (images, cache) = (Path::new(&images), Path::new(&cache));
+        let (result, _) = run_with(images, cache, PairOptions::default(), 0, &store);
+        assert_eq!(result.unwrap().cameras.len(), 5);
+        store.bytes_kept()
+    };
+    assert_eq!([kept_of(5 * of_one), kept_of(4 * of_one)], [5 * of_one, 0]);
 }
 
 #[test]
