@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use glam::{DQuat, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -58,7 +60,7 @@ impl Parted {
                 matches.push([first, second]);
             }
             let pair = VerifiedPair {
-                matches,
+                matches: matches.into(),
                 ..pair.clone()
             };
             problem.pairs.push(pair);
@@ -133,7 +135,7 @@ fn wrong_matches_join_nothing() {
     let mut rng = Pcg64Mcg::seed_from_u64(5);
     for pair in &mut problem.pairs {
         if pair.images[0] < BORDER && pair.images[1] >= BORDER {
-            for [_, second] in &mut pair.matches {
+            for [_, second] in Arc::make_mut(&mut pair.matches) {
                 *second = rng.random_range(0..RING.points) as u32;
             }
         }
