@@ -117,7 +117,7 @@ fn compare(name: &str, new: Command, every: usize, truth: impl Fn(usize) -> Labe
     sums
 }
 
-/// Renders a scene with the noise of a sensor and clicks its objects on every second frame.
+/// Renders a scene with the noise of a sensor and clicks its objects on every third frame.
 fn rendered(name: &str, scene: SceneKind) -> HalfIous {
     let folder = tempfile::tempdir().unwrap();
     let recording = folder.path().join("recording");
@@ -145,7 +145,7 @@ fn rendered(name: &str, scene: SceneKind) -> HalfIous {
         cameras: Some(recording.join("sparse")),
         intrinsics: None,
     });
-    compare(name, new, 2, |at| {
+    compare(name, new, 3, |at| {
         let file = Path::new(&names[at]).with_extension("png");
         read_palette_png(&recording.join("truth/masks").join(file)).unwrap()
     })
@@ -165,7 +165,7 @@ fn auto_takes_geometry_for_things_on_a_shelf() {
     let (data, folder) = (data_dir(), tempfile::tempdir().unwrap());
     let labels = data.join("apc_shelf_rgbd_labels/labels");
     let new = new_project(&data, &folder.path().join("shelf"));
-    let ious = compare("shelf", new, 1, |at| {
+    let ious = compare("shelf", new, 2, |at| {
         read_palette_png(&labels.join(format!("{at:06}.png"))).unwrap()
     });
     assert_chosen_well(ious);
