@@ -45,7 +45,7 @@ pub fn unfit(frames: &[Frame], frame: &Frame) -> Option<&'static str> {
 ///
 /// Geometry itself decides what is thin (`FrameBodies::solid`). Leaving all objects much longer than
 /// wide to the image as well lowers the mean IoU after two clicks on the even frames of a shelf from
-/// 0.689 to 0.663 (`tests/accuracy/auto_segmenter.rs`), and changes nothing on a rendered rice plant
+/// 0.689 to 0.663 (`tests/accuracy/auto_segmenter.rs` on every frame), and changes nothing on a rendered rice plant
 /// and on rendered bricks.
 pub struct FittingSegmenter(pub Arc<GeometrySegmenter>);
 
