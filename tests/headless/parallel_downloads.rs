@@ -144,7 +144,7 @@ fn ranges_of_a_large_file_are_fetched_at_the_same_time() {
     let seen = Arc::clone(&gate);
     let sites = FakeSites::start_writing(move |request, stream| {
         if request.range.is_none_or(|(first, _)| first == 0) {
-            // The head tells the program that there are more ranges.
+            // The first answer says that there are more ranges.
             served.answer(request, 0, stream)?;
         }
         let (counts, all_came) = &*seen;
