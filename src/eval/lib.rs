@@ -5,7 +5,7 @@
 //! compares labelled clouds (label IoU, completeness, accuracy). [`evaluate`] applies these scores
 //! to files, compares cameras, and counts the clicks of a simulated user with a segmenter and a
 //! tracker. [`simulated_click`] decides where such a user clicks. [`demo`] runs the complete
-//! workflow on a synthetic scene and reports the accuracy. [`bench`] measures time, accuracy and
+//! workflow on a synthetic scene and reports the accuracy. [`mod@bench`] measures time, accuracy and
 //! memory of reconstructions.
 //!
 //! Scores are shares from 0 to 1 unless their name says otherwise. Synthetic scenes are in metres
