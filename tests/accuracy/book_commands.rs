@@ -18,7 +18,7 @@ use crate::tutorials::{self, SHARED, copy, example, printed, run};
 use crate::video::{Making, make_video};
 
 /// Parts of commands that are not run, with the reason.
-const NOT_RUN: [(&str, &str); 9] = [
+const NOT_RUN: [(&str, &str); 10] = [
     (SHARED, "is run by the tests of the tutorials"),
     ("ostra models install ", "loads files from the internet"),
     ("ostra models add ", "needs the files of a network"),
@@ -26,6 +26,10 @@ const NOT_RUN: [(&str, &str); 9] = [
     ("ostra models remove ", "needs an installed network"),
     ("ostra ground ", "needs an installed network"),
     ("ostra suggest plant --frame ", "needs an installed network"),
+    (
+        "ostra select-model ",
+        "needs images without a connection; tests/headless/several_models.rs runs it",
+    ),
     ("ostra bench --data ", "needs public data sets"),
     ("ostra bench --synthetic 100,", "takes a long time"),
 ];
