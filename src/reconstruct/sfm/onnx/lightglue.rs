@@ -103,14 +103,29 @@ impl LightGlue {
 
     /// Matches the first `most` keypoints of both images.
     fn matched(&self, both: [&Features; 2], most: usize) -> Result<Vec<(u32, u32)>, FeatureError> {
+        let Some([partners, scores]) = self.partners(both, most)? else {
+            return Ok(Vec::new());
+        };
+        let second_count = both[1].keypoints.len().min(most);
+        let least = self.options.least_score;
+        Ok(accepted(&partners, scores.as_floats(), least, second_count))
+    }
+
+    /// Returns the partners of the first `most` keypoints of the first image among those of the
+    /// second one, and their scores; none if an image has no keypoints.
+    pub(super) fn partners(
+        &self,
+        both: [&Features; 2],
+        most: usize,
+    ) -> Result<Option<[Tensor; 2]>, FeatureError> {
         let [first, second] = both.map(|features| self.fed(features, most));
         let (first, second) = (first?, second?);
         let counts = [&first, &second].map(|fed| fed.keypoints.shape()[1]);
         if counts.contains(&0) {
-            return Ok(Vec::new());
+            return Ok(None);
         }
         let given = self.run(&first, &second).map_err(|error| failed(&error))?;
-        let [partners, scores] = self.outputs.map(|number| &given[number]);
+        let [partners, scores] = self.outputs.map(|number| given[number].clone());
         if scores.shape() != [counts[0]] || partners.shape() != [counts[0]] {
             return Err(FeatureError::Network(format!(
                 "LightGlue gives {:?} partners and {:?} scores of {} keypoints",
@@ -119,8 +134,7 @@ impl LightGlue {
                 counts[0]
             )));
         }
-        let least = self.options.least_score;
-        Ok(accepted(partners, scores.as_floats(), least, counts[1]))
+        Ok(Some([partners, scores]))
     }
 
     fn run(&self, first: &FedFeatures, second: &FedFeatures) -> Result<Vec<Tensor>, NnError> {

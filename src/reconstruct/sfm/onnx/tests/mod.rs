@@ -1,6 +1,7 @@
 //! Tests of learned features.
 
 mod lightglue;
+mod lightglue_reference;
 mod pair;
 mod parts;
 mod superglue;

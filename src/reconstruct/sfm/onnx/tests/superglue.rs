@@ -35,9 +35,9 @@ struct FrameReference {
 
 /// Position of a tensor in `reference.bin`.
 #[derive(Deserialize)]
-struct Place {
-    start: usize,
-    shape: Vec<usize>,
+pub(super) struct Place {
+    pub(super) start: usize,
+    pub(super) shape: Vec<usize>,
 }
 
 /// A folder written by `tests/parity/superglue.py`, and its networks.
