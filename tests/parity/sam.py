@@ -23,7 +23,7 @@ import numpy as np
 import torch
 from pictures import half_a_pixel, pictures
 from PIL import Image
-from references import COVERED, DRAWS, put_frames
+from references import COVERED, DRAWS, prompts, put_frames, tie
 from transformers import SamConfig, SamModel
 from transformers.models.sam.image_processing_pil_sam import SamImageProcessorPil
 
@@ -90,23 +90,6 @@ def official(state):
     return named
 
 
-def prompts(width, height):
-    """Returns prompts in pixels. Coordinates count from the centre of the first pixel.
-
-    `after` is the index of the prompt whose mask this prompt refines.
-    """
-    at = lambda x, y, include: [int(x * width), int(y * height), include]  # noqa: E731
-    box = [int(0.2 * width), int(0.3 * height), int(0.7 * width), int(0.8 * height)]
-    first = [at(0.31, 0.42, 1)]
-    return [
-        {"clicks": first, "boxes": [], "after": None},
-        {"clicks": [*first, at(0.6, 0.7, 1), at(0.8, 0.2, 0)], "boxes": [], "after": None},
-        {"clicks": [], "boxes": [box], "after": None},
-        {"clicks": [at(0.4, 0.5, 0)], "boxes": [box], "after": None},
-        {"clicks": [*first, at(0.7, 0.6, 0)], "boxes": [], "after": 0},
-    ]
-
-
 class Asked:
     """The embedding of one image, and the answers to prompts on it."""
 
@@ -166,12 +149,6 @@ def build(size, seed, processor, shown, fault):
         if all(COVERED[0] <= answer["covers"] <= COVERED[1] for given in answers for answer in given):
             return model, list(zip(asked, answers))
     sys.exit(f"none of {DRAWS} draws gives masks that cover {COVERED[0]:.0%} to {COVERED[1]:.0%}; try another --seed")
-
-
-def tie(model):
-    """Gives both names the same tensor values."""
-    shared = model.prompt_encoder.shared_embedding.positional_embedding
-    shared.copy_(model.shared_image_embedding.positional_embedding)
 
 
 def check_names():

@@ -20,6 +20,11 @@ fn tiny_efficient() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/parity/efficient-sam-tiny")
 }
 
+/// Same with the interface of Segment Anything 2.1 (`tests/parity/sam2.py`).
+fn tiny_sam2() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/parity/sam2-tiny")
+}
+
 /// Networks that segment flat colours.
 fn flat() -> Sam {
     of_flat_colours("sam-flat", Dialect::Sam)
