@@ -24,7 +24,7 @@ fn network(file: &str, name: &str) -> Network {
     Network::load(&Runtime::find().unwrap(), &folder.join(file), expected).unwrap()
 }
 
-fn aliked(options: AlikedOptions) -> Aliked {
+pub(super) fn aliked(options: AlikedOptions) -> Aliked {
     Aliked::of_network(network("aliked.onnx", "aliked"), options)
 }
 

@@ -1,5 +1,6 @@
 //! Tests of learned features.
 
+mod homography;
 mod lightglue;
 mod lightglue_reference;
 mod pair;
