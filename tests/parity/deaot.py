@@ -298,7 +298,8 @@ def main():
     subprocess.run([sys.executable, script, checkpoint, asked.out, "--size", asked.size], check=True)
     checkpoint.unlink()
     if not asked.no_test:
-        test = ["cargo", "test", "--release", "--lib", "masks::onnx::deaot::tests::parity", "--", "--nocapture"]
+        test = ["cargo", "test", "--release", "--lib", "-p", "ostra-tracking", "deaot::tests::parity"]
+        test += ["--", "--include-ignored", "--nocapture"]
         environment = os.environ | {"OSTRA_PARITY_DEAOT": str(asked.out.resolve())}
         sys.exit(subprocess.run(test, cwd=ROOT, env=environment).returncode)
 

@@ -168,7 +168,8 @@ def main():
     for of, answers in given:
         print(f"{of.size}: masks cover", ", ".join(f"{answer['covers']:.1%}" for answer in answers))
     if not asked.no_test:
-        test = ["cargo", "test", "--release", "--lib", "masks::onnx::sam::tests::parity", "--", "--nocapture"]
+        test = ["cargo", "test", "--release", "--lib", "-p", "ostra-masks", "onnx::sam::tests::parity"]
+        test += ["--", "--include-ignored", "--nocapture"]
         environment = os.environ | {"OSTRA_PARITY_EFFICIENT_SAM": str(asked.out.resolve())}
         sys.exit(subprocess.run(test, cwd=ROOT, env=environment).returncode)
 

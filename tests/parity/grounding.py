@@ -303,7 +303,8 @@ def main():
     if asked.size == "tiny":
         shorten(asked.out / f"{size.name}.onnx")
     if not asked.no_test:
-        test = ["cargo", "test", "--release", "--lib", "masks::onnx::grounding::tests::parity", "--", "--nocapture"]
+        test = ["cargo", "test", "--release", "--lib", "-p", "ostra-masks", "onnx::grounding::tests::parity"]
+        test += ["--", "--include-ignored", "--nocapture"]
         environment = os.environ | {"OSTRA_PARITY_GROUNDING": str(asked.out.resolve())}
         sys.exit(subprocess.run(test, cwd=ROOT, env=environment).returncode)
 

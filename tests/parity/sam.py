@@ -187,7 +187,8 @@ def main():
     subprocess.run([sys.executable, script, checkpoint, asked.out, "--size", asked.size], check=True)
     checkpoint.unlink()
     if not asked.no_test:
-        test = ["cargo", "test", "--release", "--lib", "masks::onnx::sam::tests::parity", "--", "--nocapture"]
+        test = ["cargo", "test", "--release", "--lib", "-p", "ostra-masks", "onnx::sam::tests::parity"]
+        test += ["--", "--include-ignored", "--nocapture"]
         environment = os.environ | {"OSTRA_PARITY_SAM": str(asked.out.resolve())}
         sys.exit(subprocess.run(test, cwd=ROOT, env=environment).returncode)
 

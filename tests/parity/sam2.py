@@ -229,9 +229,9 @@ def main():
         print("  replaced:", ", ".join(str(answer["replaced"]) for answer in answers))
     if not asked.no_test:
         test = ["cargo", "test", "--release", "--lib", "-p", "ostra-masks", "onnx::sam::tests::parity"]
+        test += ["--", "--include-ignored", "--nocapture"]
         environment = os.environ | {"OSTRA_PARITY_SAM2": str(asked.out.resolve())}
-        options = ["--", "--include-ignored", "--nocapture"]
-        sys.exit(subprocess.run(test + options, cwd=ROOT, env=environment).returncode)
+        sys.exit(subprocess.run(test, cwd=ROOT, env=environment).returncode)
 
 
 if __name__ == "__main__":
