@@ -50,6 +50,9 @@ fn image(first_from_here: &DMat3) -> Vec<f32> {
     (0..SIZE[0] * SIZE[1]).map(value).collect()
 }
 
+/// Name of a half of the image, and whether a position in shares of the sides is in it.
+type Half = (&'static str, fn(DVec2) -> bool);
+
 /// Checks that keypoints are at the spots of an image, when shrunk to a longer side of `max_side`.
 fn check_positions(here_from_first: &DMat3, max_side: usize) {
     let options = AlikedOptions {
@@ -81,7 +84,7 @@ fn check_positions(here_from_first: &DMat3, max_side: usize) {
     assert!(largest < 0.65, "{max_side}: {largest}");
     // Rounding to pixels cancels out over each half of the image, unlike an offset or a wrong scale.
     // The standard error of a mean of rounding is 0.03.
-    let halves: [(&str, fn(DVec2) -> bool); 4] = [
+    let halves: [Half; 4] = [
         ("left", |share| share.x < 0.5),
         ("right", |share| share.x >= 0.5),
         ("top", |share| share.y < 0.5),
