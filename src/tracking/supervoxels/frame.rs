@@ -94,8 +94,8 @@ impl FrameBodies {
     /// Returns the region of the clicks.
     ///
     /// # Errors
-    /// The reason, if no include click is near a known surface, no answer is an object, or the
-    /// object is thin.
+    /// The reason, if after one of the clicks none is near a known surface, no answer is an object, or
+    /// the object is thin.
     pub fn solid(&self, clicks: &[Click]) -> Result<Region, &'static str> {
         let kept = || self.answered.lock().unwrap_or_else(PoisonError::into_inner);
         let mut answered = std::mem::take(&mut *kept());
@@ -109,19 +109,26 @@ impl FrameBodies {
             let next = self.next(&answered, click);
             answered.push(next);
         }
-        let region = answered[..clicks.len()]
-            .last()
-            .and_then(|last| last.region.clone());
+        let regions: Vec<_> = answered[..clicks.len()]
+            .iter()
+            .map(|answered| answered.region.clone())
+            .collect();
         *kept() = answered;
-        let region = region.ok_or("no separate object was found here")?;
-        if region.is_empty() {
-            return Err("no surface with depth near the click");
+        // Clicks given together are judged as if they came one after the other: several thin objects
+        // can be broad together.
+        let mut solid = None;
+        for region in regions {
+            let region = region.ok_or("no separate object was found here")?;
+            if region.is_empty() {
+                return Err("no surface with depth near the click");
+            }
+            if !self.is_broad(&region) {
+                return Err(THIN);
+            }
+            solid = Some(region);
         }
-        if self.is_broad(&region) {
-            Ok(Arc::unwrap_or_clone(region))
-        } else {
-            Err(THIN)
-        }
+        let region = solid.ok_or("no surface with depth near the click")?;
+        Ok(Arc::unwrap_or_clone(region))
     }
 
     /// Computes the result of one more click.

@@ -107,6 +107,19 @@ fn whoever_made_the_mask_so_far_goes_on() {
 }
 
 #[test]
+fn clicks_given_together_are_answered_by_whoever_answers_the_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let (frame, ids) = fitting(frames(folder.path()));
+    let (left, wire) = (region_of(&ids, 2), region_of(&ids, 4));
+    let together = |of: [&Region; 2]| clicks(&of.map(|region| click(region, true)));
+    // Both together are broad.
+    let (source, _) = answer(&*frame, &together([&wire, &left]), None);
+    assert_eq!(source, by_pixels("a thin or small object"));
+    let (source, _) = answer(&*frame, &together([&left, &wire]), None);
+    assert_eq!(source, SOLID);
+}
+
+#[test]
 fn smaller_answer_than_that_of_geometry_is_from_the_image() {
     let folder = tempfile::tempdir().unwrap();
     let (frame, ids) = fitting(frames(folder.path()));
