@@ -111,11 +111,12 @@ impl FrameBodies {
         }
         let regions: Vec<_> = answered[..clicks.len()]
             .iter()
+            .skip_while(|answered| !answered.click.include)
             .map(|answered| answered.region.clone())
             .collect();
         *kept() = answered;
         // Clicks given together are judged as if they came one after the other: several thin objects
-        // can be broad together.
+        // can be broad together. Clicks of other labels, which exclude, come first.
         let mut solid = None;
         for region in regions {
             let region = region.ok_or("no separate object was found here")?;
