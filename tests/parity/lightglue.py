@@ -366,7 +366,7 @@ def write(out, pairs, asked):
 
     `reference.bin` holds little-endian 32-bit floats. `reference.json` gives the start of each tensor in it.
     """
-    values, told = [], []
+    values, described = [], []
 
     def put(tensor):
         start = sum(len(part) for part in values)
@@ -378,9 +378,9 @@ def write(out, pairs, asked):
             {"size": size, "keypoints": put(places), "descriptors": put(descriptors)}
             for size, places, descriptors in zip(pair.sizes, pair.places, pair.descriptors)
         ]
-        told.append({"images": images, "matches": of.partners.tolist(), "scores": put(of.scores)})
+        described.append({"images": images, "matches": of.partners.tolist(), "scores": put(of.scores)})
     np.concatenate(values).tofile(out / "reference.bin")
-    (out / "reference.json").write_text(json.dumps({"glue": "aliked-lightglue.onnx", "pairs": told}) + "\n")
+    (out / "reference.json").write_text(json.dumps({"glue": "aliked-lightglue.onnx", "pairs": described}) + "\n")
 
 
 def export(network, pair, path):
