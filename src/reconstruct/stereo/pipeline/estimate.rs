@@ -6,7 +6,8 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::plan::{ImagePyramids, Planned, PlannedView, StereoRequest, ViewOutcome, plan};
+use super::images::{ImagePyramids, PreparedView};
+use super::plan::{Planned, PlannedView, StereoRequest, ViewOutcome, plan};
 use crate::stereo::filter::{FilterOptions, Neighbour, completed, filter, snapped};
 use crate::stereo::patchmatch::{DepthSearch, PatchMatchOptions, PlaneMap, PosedImage, Round};
 use crate::stereo::raster::raster_camera;
@@ -131,7 +132,7 @@ pub fn estimate_depths(
     depths.forget(Stage::Round(options.rounds))?;
     make("complete", Stage::Complete)?;
     depths.forget(Stage::Filtered)?;
-    outcomes.extend(work.outcomes()?);
+    outcomes.extend(work.outcomes(&images)?);
     Ok(outcomes)
 }
 
@@ -150,39 +151,6 @@ pub struct DepthEstimation<'a> {
     views: Vec<PlannedView>,
     /// Last stage of each view in an earlier run.
     reached: Vec<Option<Stage>>,
-}
-
-/// A view with its image and those of its neighbouring views.
-struct PreparedView<'a> {
-    view: &'a PlannedView,
-    image: Arc<PosedImage>,
-    adjacent: Vec<(usize, Arc<PosedImage>)>,
-}
-
-impl<'a> PreparedView<'a> {
-    /// Reads the input of a stage of a view.
-    fn new(
-        view: &'a PlannedView,
-        stage: Stage,
-        images: &mut ImagePyramids<'_>,
-    ) -> Result<Self, SceneError> {
-        let mut get = |number: usize| images.get(number).map_err(SceneError::Request);
-        let image = get(view.frame)?;
-        let adjacent = if stage == Stage::Complete {
-            &view.around
-        } else {
-            &view.sources
-        };
-        let adjacent = adjacent
-            .iter()
-            .map(|&number| Ok((number, get(number)?)))
-            .collect::<Result<_, SceneError>>()?;
-        Ok(Self {
-            view,
-            image,
-            adjacent,
-        })
-    }
 }
 
 impl<'a> DepthEstimation<'a> {
@@ -247,13 +215,13 @@ impl<'a> DepthEstimation<'a> {
                     && let Some(view) = open.next()
                 {
                     match PreparedView::new(view, stage, images) {
-                        Ok(prepared) => {
+                        Some(prepared) => {
                             let thread = scope.spawn(move || self.at_stage(&prepared, stage));
                             working.push_back((view.frame, thread));
-                            outcome = self.report(done);
                         }
-                        Err(error) => outcome = Err(error.into()),
+                        None => done += 1,
                     }
+                    outcome = self.report(done);
                 }
                 let Some((frame, oldest)) = working.pop_front() else {
                     return outcome;
@@ -271,11 +239,21 @@ impl<'a> DepthEstimation<'a> {
     ///
     /// # Errors
     /// Those of the depth store, [`StereoError::Stopped`].
-    pub fn outcomes(self) -> Result<Vec<(usize, ViewOutcome)>, StereoError> {
+    pub fn outcomes(
+        self,
+        images: &ImagePyramids<'_>,
+    ) -> Result<Vec<(usize, ViewOutcome)>, StereoError> {
         self.progress.stage("count pixels")?;
+        let unusable = images.unusable();
         let mut outcomes = Vec::new();
         for view in &self.views {
             self.report(outcomes.len())?;
+            if let Some(outcome) = unusable.get(&view.frame)
+                && self.sound(view.frame, Stage::Complete)?.is_none()
+            {
+                outcomes.push((view.frame, outcome.clone()));
+                continue;
+            }
             let pixels = self
                 .own(view, Stage::Complete)?
                 .depths
@@ -286,7 +264,12 @@ impl<'a> DepthEstimation<'a> {
                 view.frame,
                 ViewOutcome::Done {
                     pixels,
-                    sources: view.sources.clone(),
+                    sources: view
+                        .sources
+                        .iter()
+                        .filter(|source| !unusable.contains_key(source))
+                        .copied()
+                        .collect(),
                 },
             ));
         }

@@ -2,6 +2,7 @@
 //! and resume per view.
 
 mod estimate;
+mod images;
 mod plan;
 
 pub use estimate::{StereoOptions, estimate_depths, planned_stages};

@@ -1,18 +1,18 @@
 //! Selection of the views that get depth, their sources, and the outcomes of the others.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::stereo::patchmatch::{MAX_SOURCES, PosedImage};
-use crate::stereo::raster::{raster_camera, raster_image, tones};
+use super::images::ImagePyramids;
+use crate::stereo::patchmatch::MAX_SOURCES;
+use crate::stereo::raster::raster_camera;
 use crate::stereo::{SelectOptions, StereoEngine, StereoError, select_sources};
 use ostra_core::job::Progress;
 use ostra_core::statistics::trimmed_range;
+use ostra_frames::Frame;
 use ostra_frames::cameras::SparsePoints;
-use ostra_frames::{Frame, FrameStore};
 
 /// Returns which pixels of a frame's raster are to be processed; `None` = all.
 ///
@@ -60,6 +60,9 @@ pub struct Planned {
 
 /// Chooses sources and depth ranges; views that cannot be read or compared are listed separately.
 ///
+/// Images in which points were seen are not read here, so that depth can begin at once. If such an
+/// image turns out to be unreadable, its view gets no depth, and the others do without it.
+///
 /// # Errors
 /// [`StereoError::Stopped`].
 pub fn plan(
@@ -72,19 +75,17 @@ pub fn plan(
     let mut usable = Vec::new();
     for (done, &number) in request.views.iter().enumerate() {
         progress.step(done, request.views.len())?;
-        let outcome = match request.frames[number]
-            .posed_camera()
-            .map(|_| images.get(number))
-        {
-            None => ViewOutcome::NoCamera,
-            Some(Err(why)) => ViewOutcome::Unreadable { why },
-            Some(Ok(image)) if image.is_constant => ViewOutcome::Constant,
-            Some(Ok(_)) => {
-                usable.push(number);
-                continue;
+        let has_camera = request.frames[number].posed_camera().is_some();
+        if has_camera && sees_points(number, request.sparse) {
+            usable.push(number);
+            continue;
+        }
+        match images.get(number) {
+            Ok(_) => usable.push(number),
+            Err(outcome) => {
+                planned.outcomes.insert(number, outcome);
             }
-        };
-        planned.outcomes.insert(number, outcome);
+        }
     }
     let around = select_sources(request.frames, &usable, request.sparse, options);
     for (&number, around) in usable.iter().zip(around) {
@@ -181,91 +182,18 @@ impl std::fmt::Display for ViewOutcome {
     }
 }
 
-/// The images in use, as pyramids; the latest used are cached up to a budget.
-pub struct ImagePyramids<'a> {
-    frames: &'a [Frame],
-    store: &'a FrameStore,
-    max_side: u32,
-    coarsest_px: u32,
-    budget_bytes: usize,
-    kept: BTreeMap<usize, (u64, Arc<PosedImage>)>,
-    clock: u64,
-}
-
-impl<'a> ImagePyramids<'a> {
-    /// Creates an empty cache.
-    pub fn new(
-        frames: &'a [Frame],
-        store: &'a FrameStore,
-        max_side: u32,
-        coarsest_px: u32,
-        budget_bytes: usize,
-    ) -> Self {
-        Self {
-            frames,
-            store,
-            max_side,
-            coarsest_px,
-            budget_bytes,
-            kept: BTreeMap::new(),
-            clock: 0,
-        }
-    }
-
-    /// Returns the image of a frame with a posed camera.
-    ///
-    /// # Errors
-    /// Returns the message of the read error.
-    pub fn get(&mut self, number: usize) -> Result<Arc<PosedImage>, String> {
-        self.clock += 1;
-        if let Some((used, image)) = self.kept.get_mut(&number) {
-            *used = self.clock;
-            return Ok(Arc::clone(image));
-        }
-        let frame = &self.frames[number];
-        let (lens, pose) = frame
-            .posed_camera()
-            .ok_or_else(|| format!("frame '{}' has no camera", frame.name))?;
-        let image = raster_image(frame, lens, self.store, self.max_side)
-            .map_err(|error| error.to_string())?;
-        let camera = raster_camera(lens, self.max_side);
-        let image = Arc::new(PosedImage::new(
-            tones(&image),
-            camera,
-            *pose,
-            self.coarsest_px,
-        ));
-        self.make_room(image.bytes());
-        self.kept.insert(number, (self.clock, Arc::clone(&image)));
-        Ok(image)
-    }
-
-    /// Returns the longer side of the raster.
-    pub fn max_side(&self) -> u32 {
-        self.max_side
-    }
-
-    fn make_room(&mut self, bytes: usize) {
-        let held = |kept: &BTreeMap<usize, (u64, Arc<PosedImage>)>| {
-            kept.values().map(|(_, image)| image.bytes()).sum::<usize>()
-        };
-        while !self.kept.is_empty() && held(&self.kept) + bytes > self.budget_bytes {
-            let oldest = self
-                .kept
-                .iter()
-                .min_by_key(|(_, (used, _))| *used)
-                .map(|(&number, _)| number);
-            self.kept.remove(&oldest.unwrap_or_default());
-        }
-    }
-}
-
 /// Share of the points that may lie nearer, and farther, than the range before its margin.
 const OUTSIDE: f64 = 0.01;
 /// Share of its ends by which the range is extended.
 const MARGIN: f64 = 0.25;
 /// Minimum number of points for a range.
 const LEAST: usize = 5;
+
+/// Returns whether points were found in the image of a frame.
+fn sees_points(number: usize, sparse: &SparsePoints) -> bool {
+    let keypoints = sparse.keypoints.get(&number);
+    keypoints.is_some_and(|found| found.iter().any(|keypoint| keypoint.point.is_some()))
+}
 
 /// Returns the sparse points that a frame sees, in its camera's axes: their z is above 0.
 #[must_use]

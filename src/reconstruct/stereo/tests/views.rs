@@ -80,3 +80,49 @@ fn views_without_sources_are_reported_and_the_rest_done() {
     assert!(matches!(outcomes[&5], ViewOutcome::Unreadable { .. }));
     assert_eq!(outcomes[&6], ViewOutcome::NoCamera);
 }
+
+#[test]
+fn images_that_fail_when_they_are_read_cost_the_other_views_a_source_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut frames = frames(folder.path(), 4);
+    let (width, height) = (camera().width as usize, camera().height as usize);
+    let flat = Tones {
+        width,
+        height,
+        luma: vec![90.0; width * height],
+        chroma: Vec::new(),
+    };
+    frames[2] = frame(folder.path(), 2, &flat);
+    std::fs::remove_file(folder.path().join("1.png")).unwrap();
+    // Points were seen in all of them.
+    let sparse = sparse(&[0, 1, 2, 3]);
+    let request = StereoRequest {
+        frames: &frames,
+        views: &[0, 1, 2, 3],
+        sparse: &sparse,
+        mask: &|_, _| None,
+        engine: &StereoEngine::Cpu,
+    };
+    let (store, depths) = (FrameStore::new(1 << 20), InMemoryDepthStore::default());
+    let options = StereoOptions {
+        max_side: 160,
+        ..StereoOptions::default()
+    };
+    let outcomes =
+        estimate_depths(&request, &store, &depths, &options, &Progress::default()).unwrap();
+    assert!(matches!(&outcomes[&1], ViewOutcome::Unreadable { why } if why.contains("1.png")));
+    assert_eq!(outcomes[&2], ViewOutcome::Constant);
+    for (view, other) in [(0, 3), (3, 0)] {
+        let ViewOutcome::Done { pixels, sources } = &outcomes[&view] else {
+            panic!("{:?}", outcomes[&view])
+        };
+        assert!(
+            *pixels > 5000 && *sources == [other],
+            "{pixels} from {sources:?}"
+        );
+        assert!(depths.load(view, Stage::Complete).unwrap().is_some());
+    }
+    for view in [1, 2] {
+        assert!(depths.load(view, Stage::Complete).unwrap().is_none());
+    }
+}
