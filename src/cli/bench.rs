@@ -7,7 +7,9 @@ use clap::{Args, ValueEnum};
 use super::print::{print_json, print_text, print_to_stderr, printable};
 use super::values;
 use ostra_core::lists::in_words;
-use ostra_eval::bench::{BenchOptions, BenchStage, STANDARD_SETS, StandardSet, run_bench};
+use ostra_eval::bench::{
+    BenchOptions, BenchStage, STANDARD_SETS, StandardSet, SyntheticSet, run_bench,
+};
 
 /// Variable with the folder of data sets, for those who do not give it with `--data`.
 const DATA_VARIABLE: &str = "OSTRA_DATA";
@@ -36,6 +38,10 @@ pub(super) struct BenchArgs {
     /// sets then run only with --data or --sets.
     #[arg(long, value_name = "N[,N…]", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(3..=5000))]
     pub synthetic: Vec<u32>,
+    /// Render so many images of the plant from two cameras, one above the other, as on a turntable;
+    /// otherwise as --synthetic.
+    #[arg(long, value_name = "N[,N…]", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(8..=5000))]
+    pub two_cameras: Vec<u32>,
     /// Last stage to run.
     #[arg(long, value_name = "STAGE", default_value = "cameras")]
     pub until: Until,
@@ -63,7 +69,14 @@ fn standard_set() -> impl TypedValueParser<Value = StandardSet> {
 /// # Errors
 /// Returns an error if there is no set to run, or if a run failed.
 pub(super) fn bench(args: BenchArgs) -> Result<()> {
-    let has_standard = args.data.is_some() || !args.sets.is_empty() || args.synthetic.is_empty();
+    let set = |images: u32, two_cameras| SyntheticSet {
+        images: images as usize,
+        two_cameras,
+    };
+    let along_path = args.synthetic.iter().map(|&images| set(images, false));
+    let two_cameras = args.two_cameras.iter().map(|&images| set(images, true));
+    let synthetic: Vec<SyntheticSet> = along_path.chain(two_cameras).collect();
+    let has_standard = args.data.is_some() || !args.sets.is_empty() || synthetic.is_empty();
     let data = args
         .data
         .or_else(|| std::env::var_os(DATA_VARIABLE).map(PathBuf::from))
@@ -82,11 +95,7 @@ pub(super) fn bench(args: BenchArgs) -> Result<()> {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         data,
         sets,
-        synthetic: args
-            .synthetic
-            .iter()
-            .map(|&images| images as usize)
-            .collect(),
+        synthetic,
         until: match args.until {
             Until::Cameras => BenchStage::Cameras,
             Until::Depth => BenchStage::Depth,

@@ -32,6 +32,7 @@ const NOT_RUN: [(&str, &str); 10] = [
     ),
     ("ostra bench --data ", "needs public data sets"),
     ("ostra bench --synthetic 100,", "takes a long time"),
+    ("ostra bench --two-cameras ", "takes a long time"),
 ];
 
 /// Labels of the masks, with their parents.

@@ -104,6 +104,19 @@ fn rendered_images_are_measured_and_scored_without_pycolmap() {
     }
 }
 
+#[test]
+fn cameras_of_two_rendered_cameras_are_found_together() {
+    let dir = TempDir::new().unwrap();
+    let output = bench(dir.path(), &["--two-cameras", "10", "--json"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let report: Value = serde_json::from_str(&text(&output.stdout)).unwrap();
+    let set = &report["sets"][0];
+    assert_eq!(set["name"], "two-cameras-10");
+    assert_eq!(set["runs"][0]["placed"], 10);
+    let centre = number(&set["runs"][0]["centre_percent"]);
+    assert!(centre > 0.0 && centre < 0.5, "{centre} %");
+}
+
 /// Writes a rendering as the images of a standard set.
 fn write_set(data: &Path, folder: &str, views: usize) {
     let scene = Scene::build(&SceneOptions {

@@ -20,4 +20,4 @@ pub use machine::Machine;
 pub use measured::{BenchStage, Measured};
 pub use report::{BenchProgram, BenchReport, ProgramRun, SetReport};
 pub use run::{BenchOptions, run_bench};
-pub use synthetic_set::render_set;
+pub use synthetic_set::SyntheticSet;

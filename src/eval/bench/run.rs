@@ -8,7 +8,7 @@ use super::measured::{BenchStage, CameraErrors, Measured, RunOutcome};
 use super::ostra_run::OstraRun;
 use super::pycolmap;
 use super::report::{BenchProgram, BenchReport, ProgramRun, SetReport};
-use super::synthetic_set::render_set;
+use super::synthetic_set::SyntheticSet;
 use crate::evaluate::score_cameras;
 use ostra_core::disk::{Unfinished, WorkFolder};
 use ostra_core::lists::in_words;
@@ -25,8 +25,8 @@ pub struct BenchOptions {
     pub data: Option<PathBuf>,
     /// Standard sets to run; those that are not found are reported.
     pub sets: Vec<StandardSet>,
-    /// Numbers of images of rendered sets.
-    pub synthetic: Vec<usize>,
+    /// Sets to render.
+    pub synthetic: Vec<SyntheticSet>,
     /// Last stage. Other programs only find cameras.
     pub until: BenchStage,
     /// Number of rounds, from 1.
@@ -79,10 +79,10 @@ pub fn run_bench(options: &BenchOptions, note: &mut dyn FnMut(&str)) -> Result<B
     for set in &found {
         sets.push(bench.run(set, note));
     }
-    for &images in &options.synthetic {
-        note(&format!("synthetic-{images}: rendering {images} images"));
+    for set in &options.synthetic {
+        note(&format!("{}: rendering {} images", set.name(), set.images));
         let folder = work.path().join("rendered");
-        sets.push(bench.run(&render_set(images, &folder)?, note));
+        sets.push(bench.run(&set.render(&folder)?, note));
         remove(&folder)?;
     }
     Ok(BenchReport {

@@ -21,7 +21,7 @@ mod truth;
 mod view;
 mod write;
 
-pub use options::{SceneKind, SceneOptions, SensorNoise};
+pub use options::{SceneKind, SceneOptions, SensorNoise, ViewPath};
 pub use scene::Scene;
 pub use truth::TruthOptions;
 pub use view::{RenderedView, SyntheticView};

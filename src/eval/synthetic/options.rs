@@ -13,6 +13,18 @@ pub enum SceneKind {
     Bricks,
 }
 
+/// How the views of a synthetic scene follow each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ViewPath {
+    /// One camera goes along the rows to and fro.
+    #[default]
+    ToAndFro,
+    /// Each row is the path of a camera of its own, as if the scene turned before fixed cameras. The
+    /// names begin with a letter of the camera.
+    CameraPerRow,
+}
+
 /// Options of a synthetic scene and its cameras.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SceneOptions {
@@ -20,9 +32,13 @@ pub struct SceneOptions {
     pub scene: SceneKind,
     /// Number of views along the arc, 1–10 000.
     pub views: usize,
-    /// Rows of views, 1–100: arcs one above the other, with the views divided among them. The path
-    /// goes along them to and fro.
+    /// Rows of views, 1–100: arcs one above the other, with the views divided among them.
     pub rows: usize,
+    /// Angle by which a row looks down more than the row below it, 0–40 degrees. All rows
+    /// together may span at most 50 degrees.
+    pub row_step_deg: f64,
+    /// How the views follow each other.
+    pub path: ViewPath,
     /// Image width, 16–8192 pixels.
     pub width: u32,
     /// Image height, 16–8192 pixels.
@@ -43,6 +59,8 @@ impl Default for SceneOptions {
             scene: SceneKind::Tiller,
             views: 24,
             rows: 1,
+            row_step_deg: 1.5,
+            path: ViewPath::default(),
             width: 480,
             height: 640,
             arc_deg: 120.0,
@@ -59,9 +77,12 @@ impl SceneOptions {
     /// # Errors
     /// Returns [`SceneError::Request`] with the first number that is out of range.
     pub fn check(&self) -> Result<(), SceneError> {
+        let row_span_deg = self.row_step_deg * self.rows.saturating_sub(1) as f64;
         let ranges = [
             ("number of views", self.views as f64, 1.0, 10_000.0),
             ("number of rows", self.rows as f64, 1.0, 100.0),
+            ("angle between rows", self.row_step_deg, 0.0, 40.0),
+            ("angle of all rows", row_span_deg, 0.0, 50.0),
             ("image width", f64::from(self.width), 16.0, 8192.0),
             ("image height", f64::from(self.height), 16.0, 8192.0),
             ("arc in degrees", self.arc_deg, 0.0, 300.0),

@@ -2,7 +2,7 @@ use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 
 use super::noise::Dice;
-use super::options::{SceneKind, SceneOptions, SensorNoise};
+use super::options::{SceneKind, SceneOptions, SensorNoise, ViewPath};
 use ostra_frames::{DepthMap, FrameCamera, Image};
 use ostra_geometry::{Camera, Pose};
 use ostra_masks::LabelMask;
@@ -50,12 +50,10 @@ struct Subject {
     pitch_deg: f64,
 }
 
-/// Angle by which a row of views looks down more than the row below it, in degrees.
-const ROW_STEP_DEG: f64 = 1.5;
-
-/// Returns views along arcs around the specimen, looking slightly down.
+/// Returns views along arcs around the specimen, the lowest looking slightly down.
 ///
-/// The first row goes from left to right, the next one back, and so on.
+/// The first row goes from left to right. If one camera goes to and fro, the next one goes back, and
+/// so on.
 pub(super) fn arc_of_views(options: &SceneOptions) -> Vec<SyntheticView> {
     let subject = match options.scene {
         SceneKind::Tiller => Subject {
@@ -89,9 +87,13 @@ pub(super) fn arc_of_views(options: &SceneOptions) -> Vec<SyntheticView> {
             } else {
                 0.0
             };
-            let share = if row % 2 == 0 { share } else { -share };
+            let (name, goes_back) = match options.path {
+                ViewPath::ToAndFro => (format!("{index:0digits$}"), row % 2 == 1),
+                ViewPath::CameraPerRow => (format!("{}{along:0digits$}", letters(row)), false),
+            };
+            let share = if goes_back { -share } else { share };
             let azimuth = (share * options.arc_deg).to_radians();
-            let pitch = (subject.pitch_deg + ROW_STEP_DEG * row as f64).to_radians();
+            let pitch = (subject.pitch_deg + options.row_step_deg * row as f64).to_radians();
             let away = DVec3::new(
                 pitch.cos() * azimuth.sin(),
                 -pitch.cos() * azimuth.cos(),
@@ -100,13 +102,19 @@ pub(super) fn arc_of_views(options: &SceneOptions) -> Vec<SyntheticView> {
             let camera_from_world =
                 look_at(subject.middle + options.distance_m * away, subject.middle);
             SyntheticView {
-                name: format!("{index:0digits$}"),
+                name,
                 index,
                 camera,
                 camera_from_world,
             }
         })
         .collect()
+}
+
+/// Returns the name of a row: `a` to `y`, then `za`, `zb` and so on, which sort in this order.
+fn letters(row: usize) -> String {
+    let letter = char::from(b'a' + (row % 25) as u8);
+    "z".repeat(row / 25) + &letter.to_string()
 }
 
 /// Returns the pose of a camera at `centre` that views `target`, with z upwards in the image.

@@ -229,6 +229,28 @@ fn path_goes_along_its_rows_to_and_fro() {
     }));
 }
 
+#[test]
+fn rows_of_cameras_of_their_own_all_go_the_same_way() {
+    let scene = built(&SceneOptions {
+        views: 6,
+        rows: 2,
+        row_step_deg: 25.0,
+        path: ViewPath::CameraPerRow,
+        ..small(1)
+    });
+    let names: Vec<&str> = scene.views().iter().map(|view| &*view.name).collect();
+    assert_eq!(names, ["a000", "a001", "a002", "b000", "b001", "b002"]);
+    let middle = glam::DVec3::new(0.0, 0.0, 0.303);
+    let away = |view: usize| scene.views()[view].camera_from_world.centre() - middle;
+    for along in 0..3 {
+        let [below, above] = [away(along), away(along + 3)];
+        let [azimuth, other] = [below, above].map(|away| away.y.atan2(away.x));
+        assert!((azimuth - other).abs() < 1e-9, "{azimuth} and {other}");
+        let pitch = |away: glam::DVec3| (away.z / away.length()).asin().to_degrees();
+        assert!((pitch(above) - pitch(below) - 25.0).abs() < 1e-9);
+    }
+}
+
 /// Converts an sRGB colour to CIE 1976 L*a*b* (D65).
 fn lab(srgb: Vec3) -> Vec3 {
     let linear = srgb.map(|v| {

@@ -132,6 +132,15 @@ fn options_out_of_range_are_rejected() {
         })
         .contains("rows")
     );
+    // Cameras that look down beyond the vertical.
+    assert!(
+        refused(SceneOptions {
+            views: 100,
+            rows: 100,
+            ..small(1)
+        })
+        .contains("all rows")
+    );
     assert!(
         refused(SceneOptions {
             width: 100_000,
