@@ -9,7 +9,7 @@ use ostra_session::Command;
 use crate::desk::{Desk, open_step};
 
 /// Returns a desk with cameras of the first of two models, and no cloud.
-fn with_models() -> Desk {
+pub fn with_models() -> Desk {
     let mut desk = Desk::sample();
     let model = |version, frames, points| SparseModelRecord {
         version,

@@ -15,16 +15,18 @@ use ostra_core::job::Progress;
 use ostra_frames::cameras::GivenCameras;
 use ostra_frames::{FrameFolder, FrameStore, OpenRequest};
 use ostra_masks::{Label, LabelId, LabelMask, LabelTree, RunMask};
+use ostra_project::workflow::WorkflowStep;
 use ostra_project::{FrameMask, MaskOrigin, Project};
 use ostra_session::{FoundCameras, FoundDepth, Images, RecentProject, Survey};
 use ostra_view::Coloring;
 
+use crate::camera_models::with_models;
 use crate::data::find_data;
 use crate::desk::{Desk, image};
 
 type Scene = (&'static str, fn() -> Desk, fn(&mut Desk));
 
-const SCENES: [Scene; 23] = [
+const SCENES: [Scene; 24] = [
     ("shelf", shelf, |_| ()),
     ("shelf_labels", shelf, |desk| {
         desk.shell.view.coloring = Coloring::Label;
@@ -43,6 +45,9 @@ const SCENES: [Scene; 23] = [
         desk.dragged = true;
     }),
     ("both", Desk::sample, |_| ()),
+    ("models", with_models, |desk| {
+        desk.shell.view.steps.open = Some(WorkflowStep::Geometry);
+    }),
     ("picture", Desk::sample, |desk| {
         desk.shell.view.prefs.panes = Panes::Image;
     }),
