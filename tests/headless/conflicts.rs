@@ -125,7 +125,7 @@ fn votes_are_accepted_despite_an_unreadable_depth() {
     let message = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{message}");
     assert!(
-        message.contains("1 frames have a depth that cannot be read") && message.contains("1.png"),
+        message.contains("1 frame has a depth that cannot be read") && message.contains("1.png"),
         "{message}"
     );
     let info: Value = serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();

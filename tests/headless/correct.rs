@@ -103,7 +103,7 @@ fn correction_continues_without_an_unreadable_depth() {
     let message = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{message}");
     assert!(
-        message.contains("1 frames have a depth that cannot be read") && message.contains("2.png"),
+        message.contains("1 frame has a depth that cannot be read") && message.contains("2.png"),
         "{message}"
     );
     for (frame, &thing) in things.iter().enumerate() {

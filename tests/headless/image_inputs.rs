@@ -467,7 +467,7 @@ fn clicks_and_geometry_tracker_continue_without_an_unreadable_depth() {
     };
     let message = prompt("1");
     assert!(
-        message.contains("1 frames have a depth that cannot be read") && message.contains("1.png"),
+        message.contains("1.png has a depth that cannot be read"),
         "{message}"
     );
     assert!(
@@ -476,7 +476,7 @@ fn clicks_and_geometry_tracker_continue_without_an_unreadable_depth() {
     );
     let message = warned(&["track", &project, "--tracker", "geometry"]);
     assert!(
-        message.contains("1 frames cannot be read") && message.contains("1.png"),
+        message.contains("1 frame cannot be read") && message.contains("1.png"),
         "{message}"
     );
     assert_eq!(frames_of(&project)[3]["mask"], "tracked");

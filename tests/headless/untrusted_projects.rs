@@ -1015,7 +1015,7 @@ fn relocate_points_frames_to_the_same_files_elsewhere() {
     let (message, warnings) = warned(&["relocate", &project, &to("images"), &to("moved")]);
     assert!(message.contains("3 frames are read from"), "{message}");
     assert!(
-        warnings.contains("1 frames stay as they were") && warnings.contains("2.png"),
+        warnings.contains("1 frame stays as it was") && warnings.contains("2.png"),
         "{warnings}"
     );
 }

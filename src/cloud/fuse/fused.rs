@@ -148,9 +148,9 @@ pub struct FuseReport {
 
 /// Returns a line that names up to five of the given frames.
 ///
-/// Returns `None` if there are none.
+/// `one` is what is said of a single frame, and `many` of several. Returns `None` if there are none.
 #[must_use]
-pub fn naming(what: &str, names: &[&str]) -> Option<String> {
+pub fn naming([one, many]: [&str; 2], names: &[&str]) -> Option<String> {
     const SHOWN: usize = 5;
     let (first, more) = (
         names
@@ -163,9 +163,10 @@ pub fn naming(what: &str, names: &[&str]) -> Option<String> {
     );
     match more {
         0 => None,
-        1..=SHOWN => Some(format!("{more} frames {what}: {first}")),
+        1 => Some(format!("1 frame {one}: {first}")),
+        2..=SHOWN => Some(format!("{more} frames {many}: {first}")),
         _ => Some(format!(
-            "{more} frames {what}: {first} and {} more",
+            "{more} frames {many}: {first} and {} more",
             more - SHOWN
         )),
     }

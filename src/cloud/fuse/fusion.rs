@@ -193,12 +193,20 @@ fn usable_frames(views: &dyn Views, report: &mut FuseReport) -> Result<Vec<usize
             (false, _) => no_camera.push(frame.name.as_str()),
         }
     }
-    report
-        .warnings
-        .extend(naming("have no camera and are left out", &no_camera));
-    report
-        .warnings
-        .extend(naming("have no depth and give no points", &no_depth_names));
+    report.warnings.extend(naming(
+        [
+            "has no camera and is left out",
+            "have no camera and are left out",
+        ],
+        &no_camera,
+    ));
+    report.warnings.extend(naming(
+        [
+            "has no depth and gives no points",
+            "have no depth and give no points",
+        ],
+        &no_depth_names,
+    ));
     if usable.is_empty() {
         Err(no_depth())
     } else {
@@ -301,7 +309,10 @@ impl Fusion<'_> {
             }
         }
         let warning = naming(
-            "cannot be read (image or depth) and give no points",
+            [
+                "cannot be read (image or depth) and gives no points",
+                "cannot be read (image or depth) and give no points",
+            ],
             &unreadable,
         );
         if let (0, Some(warning)) = (report.frames_fused, &warning) {

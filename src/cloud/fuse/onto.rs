@@ -104,9 +104,13 @@ pub fn vote_seen(
         .filter(|frame| frame.posed_camera().is_none())
         .map(|frame| frame.name.as_str())
         .collect();
-    report
-        .warnings
-        .extend(naming("have no camera and are left out", &no_camera));
+    report.warnings.extend(naming(
+        [
+            "has no camera and is left out",
+            "have no camera and are left out",
+        ],
+        &no_camera,
+    ));
     let spacing = spacing(&cloud.positions).ok_or_else(|| {
         SceneError::Request("the cloud has too few points to label; give another".into())
     })?;

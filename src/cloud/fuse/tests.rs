@@ -441,8 +441,8 @@ fn unusable_frames_are_named_and_invalid_input_is_an_error() {
     assert_eq!(
         fused.report.warnings,
         [
-            "1 frames have no camera and are left out: 001",
-            "1 frames have no depth and give no points: 002"
+            "1 frame has no camera and is left out: 001",
+            "1 frame has no depth and gives no points: 002"
         ]
     );
     assert_eq!(

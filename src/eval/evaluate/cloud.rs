@@ -189,7 +189,7 @@ mod tests {
             feature_views(&image_folder, &cameras, DVec3::ZERO, &Progress::default()).unwrap();
         assert_eq!(views.cameras.len(), 2);
         let is_named =
-            |line: &String| line.contains("1 frames cannot be read") && line.contains("1.png");
+            |line: &String| line.contains("1 frame cannot be read") && line.contains("1.png");
         assert!(warnings.iter().any(is_named), "{warnings:?}");
     }
 }

@@ -58,7 +58,10 @@ pub(super) fn readable_frames(
     Ok((
         kept,
         naming(
-            "cannot be read (image or depth) and are left out; check their files",
+            [
+                "cannot be read (image or depth) and is left out; check its files",
+                "cannot be read (image or depth) and are left out; check their files",
+            ],
             &names,
         ),
     ))

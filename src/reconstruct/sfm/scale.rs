@@ -80,7 +80,10 @@ pub fn metric_scale(
         }
     }
     let warning = naming(
-        "have a depth that cannot be read and do not count for the scale; check their files",
+        [
+            "has a depth that cannot be read and does not count for the scale; check its file",
+            "have a depth that cannot be read and do not count for the scale; check their files",
+        ],
         &unreadable,
     );
     Ok((mode(logs), warning))
@@ -206,7 +209,7 @@ mod tests {
             "{scale:?}"
         );
         assert!(warning.is_some_and(
-            |line| line.starts_with("1 frames have a depth") && line.ends_with(": c1.png")
+            |line| line.starts_with("1 frame has a depth") && line.ends_with(": c1.png")
         ));
     }
 

@@ -10,7 +10,7 @@ use crate::{Command, Event};
 use crate::{JobCompletion, JobKind};
 use crate::{PromptRequest, Session, engines};
 use ostra_cloud::SceneError;
-use ostra_cloud::fuse::{naming, readable};
+use ostra_cloud::fuse::readable;
 use ostra_core::job::JobId;
 use ostra_frames::{Frame, FrameStore};
 use ostra_masks::{AnswerSize, AnswerSource, LabelId, Region, Segmenter};
@@ -367,11 +367,12 @@ fn comparative(size: AnswerSize) -> &'static str {
 /// Returns a warning that names the frame if its depth cannot be read.
 pub(super) fn unread_depth(frame: &Frame, store: &FrameStore) -> Result<Option<String>> {
     let depth = readable(store.depth(frame).map_err(SceneError::from))?;
-    let unread = depth.is_none().then_some(frame.name.as_str());
-    Ok(naming(
-        "have a depth that cannot be read, and are segmented without it; check their files",
-        unread.as_slice(),
-    ))
+    let name = &frame.name;
+    Ok(depth.is_none().then(|| {
+        format!(
+            "{name} has a depth that cannot be read, and is segmented without it; check its file"
+        )
+    }))
 }
 
 /// Offsets of the frames that are prepared, relative to the one shown.

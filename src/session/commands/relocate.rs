@@ -37,16 +37,17 @@ impl Session {
                 bail!("no frame comes from {}; their sources are in {folders}: name one of these", from.display());
             }
             let (count, place) = (edits.len(), to.display().to_string());
-            let warning = first_missing.map(|first| {
-                format!(
-                    "{} frames stay as they were, because their files are not there (first: {first})",
-                    missing.len()
-                )
+            let warning = first_missing.map(|first| match missing.len() {
+                1 => format!("1 frame stays as it was, because its file is not there: {first}"),
+                count => format!(
+                    "{count} frames stay as they were, because their files are not there (first: {first})"
+                ),
             });
             Ok(Box::new(move |session: &mut Self| {
                 session.commit(&format!("Frames moved to {place}"), edits)?;
                 session.warn_all(warning.into_iter().collect());
-                session.events.push(Event::Notice(format!("{count} frames are read from {place} now")));
+                let read = if count == 1 { "1 frame is" } else { &format!("{count} frames are") };
+                session.events.push(Event::Notice(format!("{read} read from {place} now")));
                 Ok(())
             }))
         }))

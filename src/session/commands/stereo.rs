@@ -420,7 +420,11 @@ fn views_without_depth(frames: &[Frame], outcomes: &BTreeMap<usize, ViewOutcome>
     if let [name] = no_camera[..] {
         lines.push(format!("{name} has no depth: {}", ViewOutcome::NoCamera));
     } else {
-        lines.extend(naming("have no camera and get no depth", &no_camera));
+        let what = [
+            "has no camera and gets no depth",
+            "have no camera and get no depth",
+        ];
+        lines.extend(naming(what, &no_camera));
     }
     lines
 }

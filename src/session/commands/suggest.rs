@@ -109,7 +109,10 @@ fn suggestions(
     Ok((
         suggested.collect(),
         naming(
-            "cannot be read (image or depth) and were passed over; check their files",
+            [
+                "cannot be read (image or depth) and was passed over; check its files",
+                "cannot be read (image or depth) and were passed over; check their files",
+            ],
             &names,
         ),
     ))

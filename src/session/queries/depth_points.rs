@@ -268,7 +268,10 @@ pub(crate) fn place_all(
             unread.push(frame.name.as_str());
         }
     }
-    let what = "have an image or depth that cannot be read, and their points are not shown; check their files";
+    let what = [
+        "has an image or depth that cannot be read, and its points are not shown; check its files",
+        "have an image or depth that cannot be read, and their points are not shown; check their files",
+    ];
     Ok(WithWarnings {
         value: thinned.kept,
         warnings: naming(what, &unread).into_iter().collect(),

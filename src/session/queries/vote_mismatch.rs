@@ -114,7 +114,10 @@ pub(crate) fn mask_by_vote(
 /// Returns a warning about frames whose masks are changed without their unreadable depth.
 pub(crate) fn without_depth(names: &[&str]) -> Option<String> {
     naming(
-        "have a depth that cannot be read, and their masks are changed without it; check their files",
+        [
+            "has a depth that cannot be read, and its mask is changed without it; check its file",
+            "have a depth that cannot be read, and their masks are changed without it; check their files",
+        ],
         names,
     )
 }

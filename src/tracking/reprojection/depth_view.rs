@@ -236,7 +236,10 @@ impl<'a> DepthViews<'a> {
             .map(|&frame| self.frames[frame].name.as_str())
             .collect();
         naming(
-            "cannot be read (image or depth) and were not used; check their files",
+            [
+                "cannot be read (image or depth) and was not used; check its files",
+                "cannot be read (image or depth) and were not used; check their files",
+            ],
             &names,
         )
     }

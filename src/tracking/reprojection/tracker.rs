@@ -136,12 +136,18 @@ impl<'a> ReprojectionRun<'a> {
             .collect();
         let lines = [
             naming(
-                "were left out, as they have no depth or no camera",
+                [
+                    "was left out, as it has no depth or no camera",
+                    "were left out, as they have no depth or no camera",
+                ],
                 &left_out,
             ),
             self.views.warning(),
             naming(
-                "got no mask, as no frame that shows the same and has a mask can be read",
+                [
+                    "got no mask, as no frame that shows the same and has a mask can be read",
+                    "got no mask, as no frame that shows the same and has a mask can be read",
+                ],
                 &silent,
             ),
         ];

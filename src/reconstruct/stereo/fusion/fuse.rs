@@ -79,7 +79,10 @@ pub fn fuse_depths(
     Ok((
         cloud,
         naming(
-            "cannot be read (image or depth) and give no points of their own; check their files",
+            [
+                "cannot be read (image or depth) and gives no points of its own; check its files",
+                "cannot be read (image or depth) and give no points of their own; check their files",
+            ],
             &names,
         ),
     ))
