@@ -1,12 +1,14 @@
 use std::collections::{BTreeMap, BTreeSet};
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::ControlFlow;
 
+use super::effort::{Effort, FINAL, GLOBAL, LARGE_ALMOST_FINAL, LARGE_FINAL, LOCAL, TrackSample};
 use super::state::Mapper;
 use crate::sfm::{IntrinsicsPrior, KeypointId};
 use ostra_core::job::Stopped;
 use ostra_geometry::Distortion;
 use ostra_geometry::bundle::{
-    Bundle, BundleImage, BundleObservation, BundleOptions, Loss, Refine, adjust,
+    Bundle, BundleImage, BundleObservation, BundleOptions, Refine, adjust,
 };
 
 /// A camera's intrinsics are refined once it took at least this many images.
@@ -22,104 +24,8 @@ const NEEDLESS: f64 = 1.003;
 /// In addition, the focal length must differ by more than this share without distortion.
 const AMBIGUOUS: f64 = 0.005;
 
-/// How thorough an adjustment is.
-#[derive(Clone, Copy)]
-struct Effort {
-    loss: Loss,
-    iterations: usize,
-    tolerance: f64,
-    /// Also refines the principal points of cameras that took few of the images.
-    principal: bool,
-    /// Most observations of a point that are used once the model is large.
-    sample: TrackSample,
-}
-
-/// Most observations of a point that an adjustment uses; the others are left out evenly.
-#[derive(Clone, Copy)]
-struct TrackSample {
-    /// By images that move.
-    moving: usize,
-    /// By images that stay where they are.
-    fixed: usize,
-}
-
-impl TrackSample {
-    /// Every observation is used.
-    const ALL: Self = Self {
-        moving: usize::MAX,
-        fixed: usize::MAX,
-    };
-
-    /// Returns the observations of a point that are used.
-    ///
-    /// Which ones they are depends on the number of the point, so that every image keeps some.
-    fn of(self, track: &[KeypointId], point: u32, is_free: &[bool]) -> Vec<KeypointId> {
-        let is_moving = |keypoint: &KeypointId| is_free[keypoint.image as usize];
-        let moving = track.iter().filter(|keypoint| is_moving(keypoint)).count();
-        let counts = [track.len() - moving, moving];
-        let wanted = [counts[0].min(self.fixed), counts[1].min(self.moving)];
-        let mut sums = counts.map(|count| point as usize % count.max(1));
-        let chosen = track.iter().filter(|keypoint| {
-            let side = usize::from(is_moving(keypoint));
-            sums[side] += wanted[side];
-            let is_chosen = sums[side] >= counts[side];
-            if is_chosen {
-                sums[side] -= counts[side];
-            }
-            is_chosen
-        });
-        chosen.copied().collect()
-    }
-}
-
 /// A lens without distortion, written as a model that has some.
 const STRAIGHT: Distortion = Distortion::Radial { k: [0.0; 2] };
-
-const LOCAL: Effort = Effort {
-    loss: Loss::SoftL1 { px: 1.0 },
-    iterations: 15,
-    tolerance: 1e-4,
-    principal: false,
-    sample: TrackSample {
-        moving: usize::MAX,
-        fixed: 8,
-    },
-};
-const GLOBAL: Effort = Effort {
-    loss: Loss::SoftL1 { px: 1.0 },
-    iterations: 30,
-    tolerance: 1e-5,
-    principal: false,
-    sample: TrackSample {
-        moving: 12,
-        fixed: 12,
-    },
-};
-const FINAL: Effort = Effort {
-    loss: Loss::SoftL1 { px: 1.0 },
-    iterations: 100,
-    tolerance: 1e-8,
-    principal: true,
-    sample: TrackSample::ALL,
-};
-/// Before [`LARGE_FINAL`] in large models.
-///
-/// With all observations, the time of an iteration grows with the square of the number of images
-/// that see a point. Of 300 rendered images, 28 see a point on average; 30 iterations with all
-/// observations took more than a quarter of the time of mapping.
-const LARGE_ALMOST_FINAL: Effort = Effort {
-    tolerance: 1e-7,
-    sample: TrackSample {
-        moving: 16,
-        fixed: 16,
-    },
-    ..FINAL
-};
-/// All observations, from where only a few iterations are left.
-const LARGE_FINAL: Effort = Effort {
-    tolerance: 1e-6,
-    ..FINAL
-};
 
 impl Mapper<'_> {
     /// Adjusts a new image together with those that share most points with it.
@@ -193,9 +99,16 @@ impl Mapper<'_> {
         Ok(())
     }
 
+    /// Adjusts everything, drops observations that do not fit and finds new ones, in rounds until
+    /// little changes.
+    ///
+    /// Rounds may alternate: one drops a few points, and the next one finds them again. They end when
+    /// the observations are those before an earlier round, because what follows would repeat.
     fn rounds(&mut self, effort: Effort, rounds: usize) -> Result<(), Stopped> {
         self.find_more();
+        let mut before = BTreeSet::new();
         for _ in 0..rounds {
+            before.insert(self.observations_digest());
             let free: BTreeSet<u32> = self.model.placed().collect();
             let all: BTreeSet<u32> = self.model.points().map(|(point, _)| point).collect();
             let observations: usize = self
@@ -205,11 +118,26 @@ impl Mapper<'_> {
                 .sum();
             self.adjust(&free, &all, effort)?;
             let changes = self.filter(&all) + self.find_more();
-            if (changes as f64) < CHANGE * observations as f64 {
+            if (changes as f64) < CHANGE * observations as f64
+                || before.contains(&self.observations_digest())
+            {
                 break;
             }
         }
         Ok(())
+    }
+
+    /// Returns a number that depends on which keypoints see the same points, in any order.
+    fn observations_digest(&self) -> u64 {
+        let digest = |track: &[KeypointId]| {
+            let mut track = track.to_vec();
+            track.sort_unstable();
+            let mut hasher = DefaultHasher::new();
+            track.hash(&mut hasher);
+            hasher.finish()
+        };
+        let points = self.model.points();
+        points.fold(0, |sum, (_, point)| sum.wrapping_add(digest(&point.track)))
     }
 
     /// Completes and merges points and creates new ones; returns how many observations changed.

@@ -5,6 +5,7 @@
 //! The mapper does not know files or frames.
 
 mod adjust;
+mod effort;
 mod extend;
 mod first_pair;
 mod grow;
