@@ -3,7 +3,7 @@
 use ostra_project::{GrounderId, SegmenterId};
 use std::path::PathBuf;
 
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
 use clap::{Args, ValueEnum};
 use glam::DVec2;
 
@@ -161,6 +161,15 @@ pub(super) fn prompt(args: &PromptArgs) -> Result<()> {
         },
         segmenter: args.segmenter,
     };
+    let former = driver.project()?.prompts.get(&(args.frame, label));
+    ensure!(
+        request.prompt.is_empty()
+            || request.prompt.has_inside()
+            || !former.is_some_and(Prompt::has_inside),
+        "a prompt replaces the earlier one of '{}' on frame {}, and --not alone would leave nothing; give its clicks inside again, with --click",
+        args.label,
+        args.frame
+    );
     driver.act_and_save([Command::Prompt(request)])
 }
 

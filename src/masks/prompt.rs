@@ -78,6 +78,12 @@ impl Prompt {
         self.has_inputs_of(other) && self.size == other.size
     }
 
+    /// Returns whether a click or a box says where the object is.
+    #[must_use]
+    pub fn has_inside(&self) -> bool {
+        !self.boxes.is_empty() || self.clicks.iter().any(|click| click.include)
+    }
+
     /// Returns whether there are no clicks and no boxes.
     #[must_use]
     pub fn is_empty(&self) -> bool {

@@ -88,6 +88,24 @@ fn size_of_the_last_prompt_can_be_changed() {
 }
 
 #[test]
+fn prompt_outside_alone_does_not_replace_clicks_inside() {
+    let recording = Recording::new();
+    let project = recording.project();
+    done(&["label", &project, "thing"]);
+    let prompt = ["prompt", &project, "--frame", "1", "--label", "thing"];
+    let with = |clicks: &[&'static str]| [&prompt[..], clicks].concat();
+    done(&with(&["--click", "20,24"]));
+    let before = done(&["info", &project, "--json"]);
+    let refusal = refused(&with(&["--not", "2,2"]));
+    assert!(
+        refusal.contains("'thing' on frame 1") && refusal.contains("--click"),
+        "{refusal}"
+    );
+    assert_eq!(done(&["info", &project, "--json"]), before);
+    done(&with(&["--click", "20,24", "--not", "2,2"]));
+}
+
+#[test]
 fn click_without_effect_is_reported_and_makes_no_keyframe() {
     let recording = Recording::new();
     let project = recording.project();

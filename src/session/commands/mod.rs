@@ -5,6 +5,7 @@ mod attach;
 mod camera_models;
 mod cameras;
 mod correct;
+mod early_answer;
 mod export;
 mod export_frames;
 mod export_inputs;

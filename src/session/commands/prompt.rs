@@ -67,6 +67,9 @@ impl Session {
                 session.report_source(source, choice.is_some());
                 session.take_answer(&request, meaning, &region, choice)?;
                 session.warn_all(warning.into_iter().collect());
+                if clicked.is_early() {
+                    session.answer_again_when_ready(request)?;
+                }
                 Ok(())
             }) as JobCompletion)
         });
@@ -137,7 +140,7 @@ impl Session {
     /// Reports which segmenter `auto` took and why.
     ///
     /// If the frame leaves no choice, it is reported only when it differs from the last one.
-    fn report_source(&mut self, source: Option<AnswerSource>, is_choice: bool) {
+    pub(super) fn report_source(&mut self, source: Option<AnswerSource>, is_choice: bool) {
         let Some(AnswerSource { segmenter, reason }) = source else {
             return;
         };
@@ -226,7 +229,7 @@ impl Session {
     ///
     /// If the project changed while the answer was computed, the prompt is interpreted again. An
     /// answer that changes no pixel makes no step. `choice` is the segmenter chosen for it.
-    fn take_answer(
+    pub(super) fn take_answer(
         &mut self,
         request: &PromptRequest,
         meaning: PromptMeaning,
@@ -289,7 +292,7 @@ impl Session {
     ///
     /// If the last answered click is answered again, in another size or by another segmenter, this is
     /// the state before that click.
-    fn basis_of(&self, request: &PromptRequest) -> Result<PromptBasis> {
+    pub(super) fn basis_of(&self, request: &PromptRequest) -> Result<PromptBasis> {
         let project = self.snapshot()?;
         let answered = self.last_prompt() == Some((request.frame, request.label));
         let same = project
@@ -350,10 +353,10 @@ impl Session {
 }
 
 /// State of the project that a prompt is applied to.
-struct PromptBasis {
-    project: Arc<Project>,
+pub(super) struct PromptBasis {
+    pub project: Arc<Project>,
     /// Whether the answer replaces the last step.
-    replaces_last: bool,
+    pub replaces_last: bool,
 }
 
 fn comparative(size: AnswerSize) -> &'static str {

@@ -84,12 +84,8 @@ fn click_by_auto() -> Command {
     })
 }
 
-#[test]
-fn same_click_answered_by_another_segmenter_replaces_its_step() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut session = recorded(folder.path());
-    let steps = session.undo_title().map(str::to_owned);
-    // Half of the square has the colour of the wall, so that depth and colours give other answers.
+/// Gives half of the square the colour of the wall, so that depth and colours give other answers.
+fn paint_half(folder: &Path) {
     let is_red = |x: u32, y: u32| (50..84).contains(&x) && (30..90).contains(&y);
     image::RgbImage::from_fn(SIZE.0, SIZE.1, |x, y| {
         image::Rgb(if is_red(x, y) {
@@ -98,8 +94,16 @@ fn same_click_answered_by_another_segmenter_replaces_its_step() {
             [90, 90, 95]
         })
     })
-    .save(folder.path().join("0.png"))
+    .save(folder.join("0.png"))
     .unwrap();
+}
+
+#[test]
+fn same_click_answered_by_another_segmenter_replaces_its_step() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = recorded(folder.path());
+    let steps = session.undo_title().map(str::to_owned);
+    paint_half(folder.path());
     let mut answer = |segmenter| {
         let Command::Prompt(request) = click_by_auto() else {
             unreachable!("a click is a prompt")
@@ -203,9 +207,9 @@ fn first_click_does_not_wait_until_geometry_is_prepared() {
     assert_eq!(mask_then.region(LabelId(1)), previewed.region(LabelId(1)));
     drop(preparing);
     session.prompting.preparing = None;
-    session.prepare(0, SegmenterId::Auto);
     session.settle(|_| ControlFlow::Continue(()));
-    assert_eq!(mask(&session), mask_then, "nothing replaces the answer");
+    assert_eq!(mask(&session), mask_then, "geometry gives the same answer");
+    assert!(session.undo_title().unwrap().contains(reason), "no step");
     perform(&mut session, Command::Undo).unwrap();
 
     let _preparing = being_prepared(&mut session);
@@ -219,6 +223,68 @@ fn first_click_does_not_wait_until_geometry_is_prepared() {
     assert_eq!(title, format!("Click on box, frame 0 (geometry: {reason})"));
     assert_eq!(notices, [format!("segmenter: geometry ({reason})")]);
     assert_eq!(recorded_segmenter(&session), SegmenterId::Auto);
+}
+
+#[test]
+fn geometry_answers_an_early_click_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = recorded(folder.path());
+    paint_half(folder.path());
+    let preparing = being_prepared(&mut session);
+    answered(&mut session);
+    let early = mask(&session);
+    drop(preparing);
+    session.settle(|_| ControlFlow::Continue(()));
+    let title = session.undo_title().unwrap();
+    assert_eq!(
+        title,
+        "Click on box, frame 0 (geometry: a solid object with depth)"
+    );
+    assert_ne!(mask(&session), early);
+    assert_eq!(recorded_segmenter(&session), SegmenterId::Auto);
+    perform(&mut session, Command::Undo).unwrap();
+    assert!(session.project().unwrap().prompts.is_empty(), "one step");
+}
+
+#[test]
+fn geometry_answers_again_after_other_steps() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = recorded(folder.path());
+    paint_half(folder.path());
+    let preparing = being_prepared(&mut session);
+    answered(&mut session);
+    let early = mask(&session);
+    let label = Command::AddLabel {
+        name: "lid".into(),
+        parent: None,
+        color: None,
+    };
+    session.act(label).unwrap();
+    drop(preparing);
+    session.settle(|_| ControlFlow::Continue(()));
+    let title = session.undo_title().unwrap();
+    assert!(
+        title.starts_with("Click on box, frame 0 (geometry"),
+        "{title}"
+    );
+    assert_ne!(mask(&session), early);
+    perform(&mut session, Command::Undo).unwrap();
+    assert_eq!(mask(&session), early, "a step of its own");
+}
+
+#[test]
+fn geometry_does_not_answer_a_click_that_was_taken_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = recorded(folder.path());
+    paint_half(folder.path());
+    let preparing = being_prepared(&mut session);
+    answered(&mut session);
+    session.act(click(LabelId(1), &[])).unwrap();
+    drop(preparing);
+    session.settle(|_| ControlFlow::Continue(()));
+    let project = session.project().unwrap();
+    assert!(project.prompts.is_empty() && project.masks.is_empty());
+    assert_eq!(session.undo_title(), Some("Remove box from frame 0"));
 }
 
 #[test]
