@@ -116,6 +116,7 @@ def shelf(window, data):
     window.wait_for_focus("Frame number or name")
     window.type("7")
     window.key("Return")
+    window.wait_for("Image color/000007.png", 20)
     clicks = {"stems": [(397, 384)], "book": [(149, 284), (136, 117)],
               "tissues": [(280, 277), (269, 384), (305, 400)], "joke book": [(489, 284), (483, 131)]}
     for name, (inside, *outside) in clicks.items():
