@@ -6,8 +6,10 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::images::{ImagePyramids, PreparedView};
-use super::plan::{Planned, PlannedView, StereoRequest, ViewOutcome, plan};
+use super::images::ImagePyramids;
+use super::outcome::ViewOutcome;
+use super::plan::{Planned, PlannedView, StereoRequest, plan};
+use super::prepared::PreparedView;
 use crate::stereo::filter::{FilterOptions, Neighbour, completed, filter, snapped};
 use crate::stereo::patchmatch::{DepthSearch, PatchMatchOptions, PlaneMap, PosedImage, Round};
 use crate::stereo::raster::raster_camera;

@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::plan::{PlannedView, ViewOutcome};
-use crate::stereo::Stage;
+use super::outcome::ViewOutcome;
 use crate::stereo::patchmatch::PosedImage;
 use crate::stereo::raster::{raster_camera, raster_image, tones};
 use ostra_frames::{Frame, FrameError, FrameStore};
@@ -111,48 +110,5 @@ impl<'a> ImagePyramids<'a> {
                 .map(|(&number, _)| number);
             self.kept.remove(&oldest.unwrap_or_default());
         }
-    }
-}
-
-/// A view with its image and those of its neighbouring views.
-pub struct PreparedView<'a> {
-    /// The view.
-    pub view: &'a PlannedView,
-    /// Its image.
-    pub image: Arc<PosedImage>,
-    /// Its neighbouring views by frame number, with their images.
-    pub adjacent: Vec<(usize, Arc<PosedImage>)>,
-}
-
-impl<'a> PreparedView<'a> {
-    /// Reads the input of a stage of a view. Neighbouring views whose images cannot be used are left
-    /// out.
-    ///
-    /// Returns `None` if the view's own image cannot be used, or none of its neighbours'.
-    pub fn new(
-        view: &'a PlannedView,
-        stage: Stage,
-        images: &mut ImagePyramids<'_>,
-    ) -> Option<Self> {
-        let image = images.get(view.frame).ok()?;
-        let adjacent = if stage == Stage::Complete {
-            &view.around
-        } else {
-            &view.sources
-        };
-        let adjacent: Vec<_> = adjacent
-            .iter()
-            .filter_map(|&number| Some((number, images.get(number).ok()?)))
-            .collect();
-        if adjacent.is_empty() {
-            let points = view.seeds.len();
-            images.leave_out(view.frame, ViewOutcome::NothingShared { points });
-            return None;
-        }
-        Some(Self {
-            view,
-            image,
-            adjacent,
-        })
     }
 }

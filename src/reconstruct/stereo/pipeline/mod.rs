@@ -3,7 +3,10 @@
 
 mod estimate;
 mod images;
+mod outcome;
 mod plan;
+mod prepared;
 
 pub use estimate::{StereoOptions, estimate_depths, planned_stages};
-pub use plan::{RasterMask, StereoRequest, ViewOutcome};
+pub use outcome::ViewOutcome;
+pub use plan::{RasterMask, StereoRequest};
