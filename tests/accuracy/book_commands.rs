@@ -18,7 +18,7 @@ use crate::tutorials::{self, SHARED, copy, example, printed, run};
 use crate::video::{Making, make_video};
 
 /// Parts of commands that are not run, with the reason.
-const NOT_RUN: [(&str, &str); 10] = [
+const NOT_RUN: [(&str, &str); 11] = [
     (SHARED, "is run by the tests of the tutorials"),
     ("ostra models install ", "loads files from the internet"),
     ("ostra models add ", "needs the files of a network"),
