@@ -1,6 +1,6 @@
 use egui::text::CCursorRange;
 use egui::text_edit::TextEditState;
-use egui::{CursorIcon, Key, Response, TextEdit, Ui};
+use egui::{CursorIcon, Id, Key, Response, TextEdit, Ui};
 
 use crate::tooltips::add_explained;
 use crate::{SessionView, ViewState};
@@ -75,7 +75,12 @@ pub(super) fn rename_ui(
     if *id != label.id {
         return false;
     }
-    let edit = ui.add(TextEdit::singleline(text).desired_width(f32::INFINITY));
+    // An id of its own: one by position would change with the other widgets of the row, and the field
+    // would lose the keyboard.
+    let edit = TextEdit::singleline(text)
+        .id(Id::new(("new name", label.id)))
+        .desired_width(f32::INFINITY);
+    let edit = ui.add(edit);
     let edit = edit.accessible_name(format!("New name of {}", label.name));
     if std::mem::take(&mut view.labels.focus) {
         edit.request_focus();
