@@ -78,7 +78,7 @@ pub(super) fn rename_ui(
     // An id of its own: one by position would change with the other widgets of the row, and the field
     // would lose the keyboard.
     let edit = TextEdit::singleline(text)
-        .id(Id::new(("new name", label.id)))
+        .id(Id::unique(("new name", label.id)))
         .desired_width(f32::INFINITY);
     let edit = ui.add(edit);
     let edit = edit.accessible_name(format!("New name of {}", label.name));
