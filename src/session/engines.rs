@@ -251,12 +251,10 @@ pub(crate) fn extractor(
         }
         FeatureId::Auto | FeatureId::Sift => {
             let standard = SiftOptions::default();
-            Box::new(Sift {
-                options: SiftOptions {
-                    max_side: max_side.unwrap_or(standard.max_side),
-                    ..standard
-                },
-            })
+            Box::new(Sift::new(SiftOptions {
+                max_side: max_side.unwrap_or(standard.max_side),
+                ..standard
+            }))
         }
     })
 }

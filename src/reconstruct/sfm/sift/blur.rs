@@ -5,7 +5,7 @@ use std::ops::Range;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use super::rows::{MARGIN, PAD, Rows, extend_margins};
+use super::rows::{MARGIN, PAD, Rows, SpareBuffers, extend_margins};
 
 /// Reach of a Gaussian kernel in standard deviations: weights beyond are below a ten-thousandth.
 const REACH: f32 = 4.0;
@@ -71,34 +71,32 @@ fn normalised(weights: Vec<f32>) -> Vec<f32> {
 /// Columns processed at a time: the rows that a kernel spans then fit the first-level cache.
 const TILE: usize = 256;
 /// Rows per parallel task.
-const TASK_ROWS: usize = 16;
+const TASK_ROWS: usize = 8;
 /// Maximum number of taps of a kernel.
 const MAX_TAPS: usize = 2 * MARGIN + 1;
 
 /// Writes rows `first..last` of `out`: `source` filtered with `kernel` in both directions.
 pub(super) fn blur(source: &Rows, kernel: &Kernel, out: &mut Rows, first: usize, last: usize) {
-    let (stride, width) = (out.stride(), out.width);
-    out.piece_mut(first, last)
-        .par_chunks_mut(TASK_ROWS * stride)
-        .enumerate()
-        .for_each(|(task, rows)| {
-            let mut column_sums = [0.0; TILE + 2 * MARGIN + PAD];
-            for tile in tiles(width) {
-                let Tile { at, len } = tile;
-                for (k, row) in rows.chunks_exact_mut(stride).enumerate() {
-                    let y = first + task * TASK_ROWS + k;
-                    let sums = sum_columns(source, y, kernel, tile.reach(kernel), &mut column_sums);
-                    sum_shifted(sums, kernel, &mut row[MARGIN + at..MARGIN + at + len]);
-                }
-            }
-            rows.chunks_exact_mut(stride)
-                .for_each(|row| extend_margins(row, width));
-        });
+    let down = GroupWeights::new([(0, kernel), (1, kernel), (2, kernel), (3, kernel)]);
+    let columns = Columns {
+        source,
+        across: kernel,
+        down,
+    };
+    columns.filter(
+        out,
+        first..last,
+        |y| y,
+        |sums, Tile { at, len }, row| {
+            sum_shifted(sums, kernel, &mut row[at..at + len]);
+        },
+    );
 }
 
 /// Writes rows `first..last` of `out`, which is twice as large as `source`.
 ///
-/// The image is doubled and blurred by the kernels for its even and its odd samples.
+/// The image is doubled and blurred by the kernels for its even and its odd samples. `first` is a
+/// multiple of 4.
 pub(super) fn double(
     source: &Rows,
     kernels: &[Kernel; 2],
@@ -106,71 +104,112 @@ pub(super) fn double(
     first: usize,
     last: usize,
 ) {
-    let (stride, width) = (out.stride(), out.width);
-    out.piece_mut(first, last)
-        .par_chunks_mut(TASK_ROWS * stride)
-        .enumerate()
-        .for_each(|(task, rows)| {
-            let mut column_sums = [0.0; TILE + 2 * MARGIN + PAD];
+    let [even, odd] = kernels;
+    let columns = Columns {
+        source,
+        across: even,
+        down: GroupWeights::new([(0, even), (0, odd), (1, even), (1, odd)]),
+    };
+    let skipped = (odd.first - even.first) as usize;
+    columns.filter(
+        out,
+        first..last,
+        |y| y / 2,
+        |sums, Tile { at, len }, row| {
             let mut phases = [[0.0; TILE]; 2];
-            for tile in tiles(source.width) {
-                let Tile { at, len } = tile;
-                for (k, row) in rows.chunks_exact_mut(stride).enumerate() {
-                    let y = first + task * TASK_ROWS + k;
-                    for (kernel, phase) in kernels.iter().zip(&mut phases) {
-                        let sums = sum_columns(
-                            source,
-                            y / 2,
-                            &kernels[y % 2],
-                            tile.reach(kernel),
-                            &mut column_sums,
-                        );
-                        sum_shifted(sums, kernel, &mut phase[..len]);
-                    }
-                    let pairs = row[MARGIN + 2 * at..]
-                        .chunks_exact_mut(2)
-                        .zip(phases[0].iter().zip(&phases[1]));
-                    pairs
-                        .take(len)
-                        .for_each(|(pair, (&even, &odd))| pair.copy_from_slice(&[even, odd]));
-                }
+            sum_shifted(sums, even, &mut phases[0][..len]);
+            sum_shifted(&sums[skipped..], odd, &mut phases[1][..len]);
+            let pairs = row[2 * at..].chunks_exact_mut(2);
+            let values = phases[0].iter().zip(&phases[1]).take(len);
+            for (pair, (&even, &odd)) in pairs.zip(values) {
+                pair.copy_from_slice(&[even, odd]);
             }
-            rows.chunks_exact_mut(stride)
-                .for_each(|row| extend_margins(row, width));
-        });
+        },
+    );
 }
 
 /// Returns `source` blurred, reduced to every other sample of every other row, starting with the first.
-pub(super) fn halve(source: &Rows, kernel: &Kernel) -> Rows {
-    let mut out = Rows::new(
-        source.width.div_ceil(2),
-        source.height.div_ceil(2),
-        source.height,
-    );
-    let (stride, width, height) = (out.stride(), out.width, out.height);
-    out.piece_mut(0, height)
-        .par_chunks_mut(TASK_ROWS * stride)
-        .enumerate()
-        .for_each(|(task, rows)| {
-            let mut column_sums = [0.0; TILE + 2 * MARGIN + PAD];
+pub(super) fn halve(source: &Rows, kernel: &Kernel, spare: &SpareBuffers) -> Rows {
+    let size = [source.width, source.height].map(|side| side.div_ceil(2));
+    let mut out = Rows::new(size[0], size[1], size[1], spare);
+    let columns = Columns {
+        source,
+        across: kernel,
+        down: GroupWeights::new([(0, kernel), (2, kernel), (4, kernel), (6, kernel)]),
+    };
+    columns.filter(
+        &mut out,
+        0..size[1],
+        |y| 2 * y,
+        |sums, Tile { at, len }, row| {
             let mut full = [0.0; TILE];
-            for tile in tiles(source.width) {
-                let Tile { at, len } = tile;
-                for (k, row) in rows.chunks_exact_mut(stride).enumerate() {
-                    let y = 2 * (task * TASK_ROWS + k);
-                    let sums = sum_columns(source, y, kernel, tile.reach(kernel), &mut column_sums);
-                    sum_shifted(sums, kernel, &mut full[..len]);
-                    let kept = full[..len].iter().step_by(2);
-                    row[MARGIN + at / 2..]
-                        .iter_mut()
-                        .zip(kept)
-                        .for_each(|(out, &value)| *out = value);
+            sum_shifted(sums, kernel, &mut full[..len]);
+            let kept = full[..len].iter().step_by(2);
+            row[at / 2..]
+                .iter_mut()
+                .zip(kept)
+                .for_each(|(out, &value)| *out = value);
+        },
+    );
+    out
+}
+
+/// The columns of an image, to be summed down for groups of rows of another.
+struct Columns<'a> {
+    source: &'a Rows,
+    /// Kernel for which the sums are needed along the row; of several, the one that begins first.
+    across: &'a Kernel,
+    down: GroupWeights,
+}
+
+impl Columns<'_> {
+    /// Fills rows of `out`.
+    ///
+    /// `origin` returns the row of the source for the first row of a group. `finish` fills a tile of a
+    /// row, given without its left margin, from the sums of columns that the kernel reaches.
+    fn filter(
+        &self,
+        out: &mut Rows,
+        rows: Range<usize>,
+        origin: impl Fn(usize) -> usize + Sync,
+        finish: impl Fn(&[f32], Tile, &mut [f32]) + Sync,
+    ) {
+        let (stride, width) = (out.stride(), out.width);
+        let fill = |first: usize, rows: &mut [f32]| {
+            let mut sums = [[0.0; TILE + 2 * MARGIN + PAD]; GROUP];
+            for tile in tiles(self.source.width) {
+                let reach = tile.reach(self.across);
+                for (k, group) in rows.chunks_mut(GROUP * stride).enumerate() {
+                    self.sum(origin(first + k * GROUP), reach.clone(), &mut sums);
+                    for (sums, row) in sums.iter().zip(group.chunks_exact_mut(stride)) {
+                        finish(&sums[..reach.len()], tile, &mut row[MARGIN..]);
+                    }
                 }
             }
             rows.chunks_exact_mut(stride)
                 .for_each(|row| extend_margins(row, width));
+        };
+        out.piece_mut(rows.start, rows.end)
+            .par_chunks_mut(TASK_ROWS * stride)
+            .enumerate()
+            .for_each(|(task, piece)| fill(rows.start + task * TASK_ROWS, piece));
+    }
+
+    /// Sums some columns for the group of rows from row `y` of the source on.
+    fn sum(&self, y: usize, columns: Range<usize>, sums: &mut GroupSums) {
+        let mut rows: [&[f32]; MAX_GROUP_ROWS] = [&[]; MAX_GROUP_ROWS];
+        let (len, count) = (columns.len(), self.down.weights.len());
+        let first = y as isize + self.down.first;
+        for (k, row) in rows[..count].iter_mut().enumerate() {
+            *row = &self.source.nearest(first + k as isize)[columns.clone()];
+        }
+        Arch::new().dispatch(GroupSum {
+            rows: &rows[..count],
+            weights: &self.down.weights,
+            sums,
+            len,
         });
-    out
+    }
 }
 
 /// Columns that are processed together.
@@ -198,62 +237,112 @@ fn tiles(width: usize) -> impl Iterator<Item = Tile> {
     })
 }
 
-/// Sums some columns of `source` down around row `y`.
-fn sum_columns<'a>(
-    source: &Rows,
-    y: usize,
-    down: &Kernel,
-    columns: Range<usize>,
-    out: &'a mut [f32],
-) -> &'a [f32] {
-    let mut rows: [&[f32]; MAX_TAPS] = [&[]; MAX_TAPS];
-    let (len, count) = (columns.len(), down.taps.len());
-    for (k, row) in rows[..count].iter_mut().enumerate() {
-        *row = &source.nearest(y as isize + down.first + k as isize)[columns.clone()];
+/// Rows whose column sums are computed together, so that each row of the source is loaded once for all.
+const GROUP: usize = 4;
+/// Maximum number of rows that a group spans.
+const MAX_GROUP_ROWS: usize = MAX_TAPS + 2 * GROUP;
+
+/// Weights of the rows of the source for each row of a group.
+struct GroupWeights {
+    /// Offset of the first row from the group's.
+    first: isize,
+    /// Weights by row of the source.
+    weights: Vec<[f32; GROUP]>,
+}
+
+impl GroupWeights {
+    /// Creates the weights of rows that lie at the offsets and have the kernels.
+    fn new(rows: [(isize, &Kernel); GROUP]) -> Self {
+        let begin = |&(offset, kernel): &(isize, &Kernel)| offset + kernel.first;
+        let end = |row: &(isize, &Kernel)| begin(row) + row.1.taps.len() as isize;
+        let first = rows.iter().map(begin).min().unwrap_or(0);
+        let last = rows.iter().map(end).max().unwrap_or(0);
+        let weight = |at: isize, row: &(isize, &Kernel)| {
+            let tap = usize::try_from(at - begin(row)).ok();
+            tap.and_then(|tap| row.1.taps.get(tap))
+                .copied()
+                .unwrap_or(0.0)
+        };
+        let weights = (first..last)
+            .map(|at| std::array::from_fn(|k| weight(at, &rows[k])))
+            .collect();
+        Self { first, weights }
     }
-    Arch::new().dispatch(WeightedSum {
-        rows: &rows[..count],
-        taps: &down.taps,
-        out: &mut out[..len],
-    });
-    &out[..len]
+}
+
+/// Sums of columns of a tile for each row of a group.
+type GroupSums = [[f32; TILE + 2 * MARGIN + PAD]; GROUP];
+
+/// The weighted sums of rows for each row of a group; `len` is a multiple of [`PAD`].
+struct GroupSum<'a> {
+    rows: &'a [&'a [f32]],
+    weights: &'a [[f32; GROUP]],
+    sums: &'a mut GroupSums,
+    len: usize,
+}
+
+/// Vectors of each row of a group that are summed in parallel.
+const GROUP_ABREAST: usize = 2;
+
+impl WithSimd for GroupSum<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let step = GROUP_ABREAST * S::F32_LANES;
+        for at in (0..self.len).step_by(step) {
+            let mut sums = [[simd.splat_f32s(0.0); GROUP_ABREAST]; GROUP];
+            for (row, weights) in self.rows.iter().zip(self.weights) {
+                let (vectors, _) = S::as_simd_f32s(&row[at..at + step]);
+                let vectors: [S::f32s; GROUP_ABREAST] = [vectors[0], vectors[1]];
+                for (sums, &weight) in sums.iter_mut().zip(weights) {
+                    let weight = simd.splat_f32s(weight);
+                    for (sum, vector) in sums.iter_mut().zip(vectors) {
+                        *sum = simd.mul_add_e_f32s(vector, weight, *sum);
+                    }
+                }
+            }
+            for (row, sums) in self.sums.iter_mut().zip(&sums) {
+                S::as_mut_simd_f32s(&mut row[at..at + step])
+                    .0
+                    .copy_from_slice(sums);
+            }
+        }
+    }
 }
 
 /// Filters along the row: `out[x]` is the weighted sum of `row[x..]`.
 fn sum_shifted(row: &[f32], across: &Kernel, out: &mut [f32]) {
-    let mut rows: [&[f32]; MAX_TAPS] = [&[]; MAX_TAPS];
-    let count = across.taps.len();
-    for (k, shifted) in rows[..count].iter_mut().enumerate() {
-        *shifted = &row[k..k + out.len()];
-    }
     Arch::new().dispatch(WeightedSum {
-        rows: &rows[..count],
+        row,
         taps: &across.taps,
         out,
     });
 }
 
-/// The weighted sum of rows; lengths are multiples of [`PAD`].
+/// The weighted sum of a row's shifted copies; the length of `out` is a multiple of [`PAD`].
 struct WeightedSum<'a> {
-    rows: &'a [&'a [f32]],
+    row: &'a [f32],
     taps: &'a [f32],
     out: &'a mut [f32],
 }
 
 /// Vectors summed in parallel, so that an addition need not wait for the one before.
-const ABREAST: usize = 4;
+const ABREAST: usize = 8;
 
 impl WithSimd for WeightedSum<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
+        let Self { row, taps, out } = self;
         let step = ABREAST * S::F32_LANES;
-        for (k, out) in self.out.chunks_exact_mut(step).enumerate() {
+        for (k, out) in out.chunks_exact_mut(step).enumerate() {
             let mut sums = [simd.splat_f32s(0.0); ABREAST];
-            for (row, &tap) in self.rows.iter().zip(self.taps) {
+            let row = &row[k * step..k * step + step + taps.len() - 1];
+            for (shifted, &tap) in row.windows(step).zip(taps) {
                 let tap = simd.splat_f32s(tap);
-                let (vectors, _) = S::as_simd_f32s(&row[k * step..(k + 1) * step]);
+                let (vectors, _) = S::as_simd_f32s(shifted);
                 for (sum, &vector) in sums.iter_mut().zip(vectors) {
                     *sum = simd.mul_add_e_f32s(vector, tap, *sum);
                 }

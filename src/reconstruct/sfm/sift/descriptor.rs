@@ -18,6 +18,9 @@ pub(super) const SUPPORT: f32 = HALF * CELL;
 const PER_CELL: usize = 4;
 /// Samples across the square.
 const SAMPLES: usize = PER_CELL * (CELLS + 1);
+/// Distance of the farthest sample in the sigma of a keypoint, whatever its angle.
+pub(super) const GRID_REACH: f32 =
+    0.5 * (GRID as f32 - 1.0) * CELL / PER_CELL as f32 * std::f32::consts::SQRT_2;
 /// Samples across the square with one more on each side for the gradients.
 const GRID: usize = SAMPLES + 2;
 /// Width of the Gaussian window in cells.

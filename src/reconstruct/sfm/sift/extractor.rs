@@ -6,7 +6,7 @@ use super::descriptor::SUPPORT;
 use super::keypoint::{SiftFeatures, SiftKeypoint, SiftOptions, Strongest};
 use super::octave::{Octave, bases, level_sigma};
 use super::refine::Extremum;
-use super::rows::shrunk;
+use super::rows::{SpareBuffers, shrunk};
 use crate::sfm::{Descriptors, FeatureError, FeatureExtractor, Features};
 
 /// Extracts SIFT features of a grey image (`width · height` values in 0–1, row by row).
@@ -26,11 +26,27 @@ pub fn extract_sift(
     mask: Option<&[bool]>,
     options: &SiftOptions,
 ) -> SiftFeatures {
+    extract(
+        grey,
+        [width, height],
+        mask,
+        options,
+        &SpareBuffers::default(),
+    )
+}
+
+fn extract(
+    grey: &[f32],
+    [width, height]: [usize; 2],
+    mask: Option<&[bool]>,
+    options: &SiftOptions,
+    spare: &SpareBuffers,
+) -> SiftFeatures {
     let fits = grey.len() == width * height && mask.is_none_or(|mask| mask.len() == grey.len());
     if !fits || width.min(height) < SMALLEST_SIDE || !(1..=8).contains(&options.scales) {
         return SiftFeatures::default();
     }
-    let (image, pixel_size) = shrunk(grey, width, height, options.max_side as usize);
+    let (image, pixel_size) = shrunk(grey, width, height, options.max_side as usize, spare);
     let content = Content::of(grey, width, height);
     let allowed = |keypoint: &SiftKeypoint| {
         let [x, y] = [keypoint.at_px.x as usize, keypoint.at_px.y as usize];
@@ -45,16 +61,17 @@ pub fn extract_sift(
         };
         octave.find(&keypoint, &mut strongest);
     };
-    let coarser = bases(&image, options)
+    let coarser = bases(&image, options, spare)
         .into_iter()
         .enumerate()
         .skip(options.first_octave.max(0) as usize);
     for (octave, base) in coarser.rev() {
-        find(Octave::of(base, options), octave as i32);
+        find(Octave::of(base, options, spare), octave as i32);
     }
     if options.first_octave < 0 {
-        find(Octave::doubled(&image, options), -1);
+        find(Octave::doubled(&image, options, spare), -1);
     }
+    spare.give(image);
     strongest.into_features()
 }
 
@@ -85,10 +102,21 @@ fn keypoint(
 ///
 /// It is the most accurate extractor on the sets with ground truth, and therefore the choice of
 /// `auto`. Learned features are for images in which it finds too little.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Default)]
 pub struct Sift {
-    /// Options of the extraction.
-    pub options: SiftOptions,
+    options: SiftOptions,
+    spare: SpareBuffers,
+}
+
+impl Sift {
+    /// Creates an extractor with the options.
+    #[must_use]
+    pub fn new(options: SiftOptions) -> Self {
+        Self {
+            options,
+            spare: SpareBuffers::default(),
+        }
+    }
 }
 
 impl FeatureExtractor for Sift {
@@ -103,7 +131,9 @@ impl FeatureExtractor for Sift {
         height: usize,
         allowed: Option<&[bool]>,
     ) -> Result<Features, FeatureError> {
-        let found = extract_sift(grey, width, height, allowed, &self.options);
+        let size = [width, height];
+        // Inside the pool, starting each of the many parallel loops costs less than from outside.
+        let found = rayon::scope(|_| extract(grey, size, allowed, &self.options, &self.spare));
         Ok(Features {
             width: width as u32,
             height: height as u32,

@@ -3,12 +3,12 @@
 use rayon::prelude::*;
 
 use super::blur::{DOUBLING_VARIANCE, Kernel, blur, double, halve};
-use super::descriptor::DescriptorWindow;
+use super::descriptor::{DescriptorWindow, GRID_REACH};
 use super::extrema::find_extrema;
 use super::keypoint::{Feature, SiftKeypoint, SiftOptions, Strongest};
 use super::orientation::orientations;
-use super::refine::{Extremum, refine};
-use super::rows::Rows;
+use super::refine::{Extremum, FARTHEST, MOST_MOVES, refine};
+use super::rows::{Rows, SpareBuffers};
 
 /// Blur of the first level of every octave, in samples of the octave (Lowe 2004, section 3.3).
 ///
@@ -38,20 +38,20 @@ fn image_kernel() -> Kernel {
 }
 
 /// Returns the first levels of the requested octaves 0, 1, …, as far as the image is large enough.
-pub(super) fn bases(image: &Rows, options: &SiftOptions) -> Vec<Rows> {
+pub(super) fn bases(image: &Rows, options: &SiftOptions, spare: &SpareBuffers) -> Vec<Rows> {
     let last = options.first_octave.max(-1) + options.octaves.max(1) as i32 - 1;
     let mut bases = Vec::new();
     if last < 0 {
         return bases;
     }
-    let mut base = Rows::new(image.width, image.height, image.height);
+    let mut base = Rows::new(image.width, image.height, image.height, spare);
     super::blur::blur(image, &image_kernel(), &mut base, 0, image.height);
     let kernel = Kernel::gaussian(FIRST_SIGMA * 3_f32.sqrt());
     for _ in 0..last {
         if base.width.min(base.height) < 2 * SMALLEST_SIDE {
             break;
         }
-        let next = halve(&base, &kernel);
+        let next = halve(&base, &kernel, spare);
         bases.push(std::mem::replace(&mut base, next));
     }
     bases.push(base);
@@ -61,10 +61,23 @@ pub(super) fn bases(image: &Rows, options: &SiftOptions) -> Vec<Rows> {
 /// Shortest side of an octave in samples; no descriptor fits into a smaller one.
 const SMALLEST_SIDE: usize = 12;
 
-/// Rows by which each level advances; no keypoint's surroundings reach farther.
-const BLOCK: usize = 128;
 /// Rows per task of the search for extrema.
 const TASK_ROWS: usize = 16;
+/// Maximum number of tasks per block.
+const MOST_TASKS: usize = 8;
+
+/// Returns the number of rows by which each level advances.
+///
+/// No keypoint's surroundings reach farther. Beyond that, a block has as many tasks as there are
+/// threads; larger ones only leave the processor's cache.
+fn block_rows(scales: usize) -> usize {
+    let coarsest = level_sigma(scales as f32 + FARTHEST, scales);
+    let reach = MOST_MOVES as f32 + FARTHEST + GRID_REACH * coarsest;
+    let tasks = rayon::current_num_threads().min(MOST_TASKS);
+    (reach.ceil() as usize + 2)
+        .next_multiple_of(TASK_ROWS)
+        .max(tasks * TASK_ROWS)
+}
 
 /// One octave of the scale space.
 ///
@@ -75,36 +88,41 @@ pub(super) struct Octave<'a> {
     kernels: Vec<Kernel>,
     doubled: Option<(&'a Rows, [Kernel; 2])>,
     describer: DescriptorWindow,
+    /// Rows by which each level advances.
+    block: usize,
     options: &'a SiftOptions,
+    spare: &'a SpareBuffers,
 }
 
 impl<'a> Octave<'a> {
     /// Creates the octave whose first level is `base`.
-    pub fn of(base: Rows, options: &'a SiftOptions) -> Self {
-        Self::new(base, None, options)
-    }
-
-    /// Creates the octave of the doubled image.
-    pub fn doubled(image: &'a Rows, options: &'a SiftOptions) -> Self {
-        let held = (options.scales + 5) * BLOCK;
-        let base = Rows::new(2 * image.width, 2 * image.height, held);
-        Self::new(base, Some((image, doubling_kernels())), options)
-    }
-
-    fn new(base: Rows, doubled: Option<(&'a Rows, [Kernel; 2])>, options: &'a SiftOptions) -> Self {
-        let last = options.scales + 2;
+    pub fn of(base: Rows, options: &'a SiftOptions, spare: &'a SpareBuffers) -> Self {
+        let (last, block) = (options.scales + 2, block_rows(options.scales));
         let (width, height) = (base.width, base.height);
         let kernels = (1..=last)
             .map(|level| step_kernel(level, options.scales))
             .collect();
-        let others = (1..=last).map(|level| Rows::new(width, height, (last + 3 - level) * BLOCK));
+        let others =
+            (1..=last).map(|level| Rows::new(width, height, (last + 3 - level) * block, spare));
         let levels = std::iter::once(base).chain(others).collect();
         Self {
             levels,
             kernels,
-            doubled,
+            doubled: None,
             describer: DescriptorWindow::new(),
+            block,
             options,
+            spare,
+        }
+    }
+
+    /// Creates the octave of the doubled image.
+    pub fn doubled(image: &'a Rows, options: &'a SiftOptions, spare: &'a SpareBuffers) -> Self {
+        let held = (options.scales + 5) * block_rows(options.scales);
+        let base = Rows::new(2 * image.width, 2 * image.height, held, spare);
+        Self {
+            doubled: Some((image, doubling_kernels())),
+            ..Self::of(base, options, spare)
         }
     }
 
@@ -114,7 +132,7 @@ impl<'a> Octave<'a> {
         keypoint: &(impl Fn(&Extremum) -> Option<SiftKeypoint> + Sync),
         strongest: &mut Strongest,
     ) {
-        let blocks = self.levels[0].height.div_ceil(BLOCK);
+        let blocks = self.levels[0].height.div_ceil(self.block);
         let lag = self.levels.len();
         for step in 0..blocks + lag {
             self.advance(step, blocks);
@@ -124,12 +142,16 @@ impl<'a> Octave<'a> {
                 strongest.add(features);
             }
         }
+        self.levels
+            .into_iter()
+            .for_each(|level| self.spare.give(level));
     }
 
     /// Advances every level to its block of step `step`.
     fn advance(&mut self, step: usize, blocks: usize) {
         let height = self.levels[0].height;
-        let span = |block: usize| (block * BLOCK, ((block + 1) * BLOCK).min(height));
+        let rows = self.block;
+        let span = |block: usize| (block * rows, ((block + 1) * rows).min(height));
         if let Some((image, kernels)) = &self.doubled
             && step < blocks
         {
@@ -159,8 +181,8 @@ impl<'a> Octave<'a> {
         keypoint: &(impl Fn(&Extremum) -> Option<SiftKeypoint> + Sync),
     ) -> Vec<Feature> {
         let (first, last) = (
-            block * BLOCK,
-            ((block + 1) * BLOCK).min(self.levels[0].height),
+            block * self.block,
+            ((block + 1) * self.block).min(self.levels[0].height),
         );
         let starts: Vec<usize> = (first..last).step_by(TASK_ROWS).collect();
         let extrema = starts.par_iter().flat_map_iter(|&start| {

@@ -20,11 +20,11 @@ pub(super) struct Extremum {
 }
 
 /// Maximum number of moves to a neighbouring sample before a fit is given up.
-const MOST_MOVES: usize = 5;
+pub(super) const MOST_MOVES: usize = 5;
 /// The fit moves to the next sample if the peak is farther away than this, in samples.
 const MOVE_BEYOND: f32 = 0.6;
 /// Maximum distance of a peak from the last sample tried.
-const FARTHEST: f32 = 1.5;
+pub(super) const FARTHEST: f32 = 1.5;
 
 /// Fits a quadratic to the differences around a candidate.
 ///

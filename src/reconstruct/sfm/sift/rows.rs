@@ -1,11 +1,17 @@
 //! Rows of pixels with margins, and images made smaller.
 
+use std::sync::{Mutex, PoisonError};
+
 use ostra_core::image::tent_shrink;
 
 /// Samples kept on either side of each row, so that filters need no test for the border.
 pub(super) const MARGIN: usize = 64;
 /// Rows are padded to multiples of this, so that vector loops leave no remainder.
 pub(super) const PAD: usize = 64;
+
+/// Samples per cache line; rows are an odd number of lines apart, or those that a filter spans would
+/// displace each other from the cache.
+const LINE: usize = 16;
 
 /// A grey image, or the rows of it that are kept at a time: row `y` is stored at `y` modulo `held`.
 #[derive(Debug, Clone)]
@@ -19,23 +25,59 @@ pub(super) struct Rows {
     samples: Vec<f32>,
 }
 
+/// Buffers of images that are no longer needed, for the next ones.
+///
+/// Most of an extraction's memory is used again for the next image, because new memory costs about a
+/// tenth of the time.
+#[derive(Debug, Default)]
+pub(super) struct SpareBuffers(Mutex<Vec<Vec<f32>>>);
+
+/// Maximum number of spare buffers.
+const MOST_SPARE: usize = 16;
+
+impl SpareBuffers {
+    /// Returns a buffer of `len` samples with any content.
+    fn take(&self, len: usize) -> Vec<f32> {
+        let mut spare = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let fitting = (0..spare.len()).filter(|&k| spare[k].capacity() >= len);
+        let smallest = fitting.min_by_key(|&k| spare[k].capacity());
+        let mut buffer = match smallest {
+            Some(found) => spare.swap_remove(found),
+            None => Vec::new(),
+        };
+        drop(spare);
+        buffer.resize(len, 0.0);
+        buffer
+    }
+
+    /// Keeps the buffer of an image.
+    pub fn give(&self, rows: Rows) {
+        let mut spare = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        spare.push(rows.samples);
+        if spare.len() > MOST_SPARE {
+            let smallest = (0..spare.len()).min_by_key(|&k| spare[k].capacity());
+            smallest.map(|smallest| spare.swap_remove(smallest));
+        }
+    }
+}
+
 impl Rows {
-    /// Creates an image of zeros that keeps `held` rows at a time.
-    pub fn new(width: usize, height: usize, held: usize) -> Self {
-        let stride = width.next_multiple_of(PAD) + 2 * MARGIN + PAD;
+    /// Creates an image with any content that keeps `held` rows at a time.
+    pub fn new(width: usize, height: usize, held: usize, spare: &SpareBuffers) -> Self {
+        let stride = width.next_multiple_of(PAD) + 2 * MARGIN + PAD + LINE;
         let held = held.clamp(1, height.max(1));
         Self {
             width,
             height,
             held,
             stride,
-            samples: vec![0.0; stride * held],
+            samples: spare.take(stride * held),
         }
     }
 
     /// Creates a whole image.
-    pub fn from_grey(grey: &[f32], width: usize, height: usize) -> Self {
-        let mut rows = Self::new(width, height, height);
+    pub fn from_grey(grey: &[f32], width: usize, height: usize, spare: &SpareBuffers) -> Self {
+        let mut rows = Self::new(width, height, height, spare);
         if width > 0 {
             for (row, source) in rows
                 .samples
@@ -96,16 +138,17 @@ pub(super) fn shrunk(
     width: usize,
     height: usize,
     longest: usize,
+    spare: &SpareBuffers,
 ) -> (Rows, [f32; 2]) {
     let side = width.max(height);
     if side <= longest {
-        return (Rows::from_grey(grey, width, height), [1.0; 2]);
+        return (Rows::from_grey(grey, width, height, spare), [1.0; 2]);
     }
     let scaled = |size: usize| ((size * longest + side / 2) / side).max(1);
     let (narrow, low) = (scaled(width), scaled(height));
     let small = tent_shrink(grey, [width, height], [narrow, low]);
     (
-        Rows::from_grey(&small, narrow, low),
+        Rows::from_grey(&small, narrow, low, spare),
         [width as f32 / narrow as f32, height as f32 / low as f32],
     )
 }

@@ -1,5 +1,6 @@
-use super::super::{SiftKeypoint, SiftOptions, extract_sift};
+use super::super::{Sift, SiftKeypoint, SiftOptions, extract_sift};
 use super::{Blob, painted, strewn};
+use crate::sfm::FeatureExtractor;
 use glam::Vec2;
 
 fn nearest(keypoints: &[SiftKeypoint], at_px: Vec2) -> SiftKeypoint {
@@ -154,25 +155,40 @@ fn strongest_features_are_kept() {
 #[test]
 fn features_do_not_depend_on_the_number_of_threads() {
     let grey = painted(&strewn(300, 240, 400), 240, 400);
-    let with = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .unwrap();
-        pool.install(|| {
-            extract_sift(
-                &grey,
-                240,
-                400,
-                None,
-                &SiftOptions {
-                    max_features: 90,
-                    ..SiftOptions::default()
-                },
-            )
-        })
+    for scales in [1, 2, 3] {
+        let options = SiftOptions {
+            max_features: 90,
+            scales,
+            ..SiftOptions::default()
+        };
+        let with = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .unwrap();
+            pool.install(|| extract_sift(&grey, 240, 400, None, &options))
+        };
+        let alone = with(1);
+        assert_eq!(alone.keypoints.len(), 90);
+        for threads in [3, 8] {
+            assert_eq!(alone, with(threads), "{scales} scales, {threads} threads");
+        }
+    }
+}
+
+#[test]
+fn features_do_not_depend_on_images_before() {
+    let [large, small] = [(240, 400), (170, 90)].map(|(width, height)| {
+        let grey = painted(&strewn(300, width, height), width, height);
+        (grey, width, height)
+    });
+    let extract = |sift: &Sift, (grey, width, height): &(Vec<f32>, usize, usize)| {
+        sift.extract(grey, *width, *height, None).unwrap()
     };
-    assert_eq!(with(1), with(3));
+    let sift = Sift::default();
+    for image in [&small, &large, &small, &large] {
+        assert_eq!(extract(&sift, image), extract(&Sift::default(), image));
+    }
 }
 
 #[test]
