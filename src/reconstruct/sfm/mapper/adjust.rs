@@ -2,6 +2,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::ControlFlow;
 
+use rayon::prelude::*;
+
 use super::effort::{Effort, FINAL, GLOBAL, LARGE_ALMOST_FINAL, LARGE_FINAL, LOCAL, TrackSample};
 use super::state::Mapper;
 use crate::sfm::{IntrinsicsPrior, KeypointId};
@@ -315,7 +317,8 @@ impl Mapper<'_> {
             };
             used.iter().all(fits) && self.has_parallax(&used, known.position)
         };
-        let doubtful = points.iter().copied().filter(|&point| !fits(point));
+        let points: Vec<u32> = points.iter().copied().collect();
+        let doubtful = points.into_par_iter().filter(|&point| !fits(point));
         doubtful.collect()
     }
 
@@ -368,26 +371,51 @@ impl Mapper<'_> {
     /// Drops observations with a large error and points without enough parallax; returns how many
     /// observations were dropped.
     pub fn filter(&mut self, points: &BTreeSet<u32>) -> usize {
+        let points: Vec<u32> = points.iter().copied().collect();
+        let faults: Vec<(u32, Fault)> = points
+            .par_iter()
+            .filter_map(|&point| Some((point, self.fault(point)?)))
+            .collect();
         let mut dropped = 0;
-        for &point in points {
-            let Some(known) = self.model.point(point) else {
-                continue;
-            };
-            let (position, track) = (known.position, known.track.clone());
-            let (fitting, wrong): (Vec<KeypointId>, Vec<KeypointId>) =
-                track.into_iter().partition(|&keypoint| {
-                    self.error_px(keypoint, position) <= self.options.max_error_px
-                });
-            if fitting.len() < 2 || !self.has_parallax(&fitting, position) {
-                dropped += fitting.len() + wrong.len();
-                self.remove_point(point);
-            } else {
-                dropped += wrong.len();
-                wrong.into_iter().for_each(|keypoint| self.detach(keypoint));
+        for (point, fault) in faults {
+            match fault {
+                Fault::Point { observations } => {
+                    dropped += observations;
+                    self.remove_point(point);
+                }
+                Fault::Observations(wrong) => {
+                    dropped += wrong.len();
+                    wrong.into_iter().for_each(|keypoint| self.detach(keypoint));
+                }
             }
         }
         dropped
     }
+
+    /// Returns what is wrong with a point; `None` if nothing is, or there is no such point.
+    fn fault(&self, point: u32) -> Option<Fault> {
+        let known = self.model.point(point)?;
+        let (fitting, wrong): (Vec<KeypointId>, Vec<KeypointId>) =
+            known.track.iter().partition(|&&keypoint| {
+                self.error_px(keypoint, known.position) <= self.options.max_error_px
+            });
+        if fitting.len() < 2 || !self.has_parallax(&fitting, known.position) {
+            let observations = known.track.len();
+            return Some(Fault::Point { observations });
+        }
+        (!wrong.is_empty()).then_some(Fault::Observations(wrong))
+    }
+}
+
+/// What is wrong with a point.
+enum Fault {
+    /// The whole point: too few observations fit, or it has no parallax.
+    Point {
+        /// Number of its observations.
+        observations: usize,
+    },
+    /// These observations.
+    Observations(Vec<KeypointId>),
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! The model that is being grown, and the options.
 
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 
 use crate::sfm::{
     Correspondences, IntrinsicsPrior, KeypointId, MapProblem, ModelPoint, SparseModel,
@@ -132,21 +133,14 @@ impl<'a> Mapper<'a> {
     /// Computes the undistorted keypoints of a camera's images again.
     pub fn cast_rays(&mut self, camera: usize) {
         let intrinsics = self.model.cameras[camera];
-        for (image, rays) in self
-            .problem
-            .images
-            .iter()
-            .zip(&mut self.rays)
+        let images = self.problem.images.par_iter().zip(&mut self.rays);
+        images
             .filter(|(image, _)| image.camera == camera)
-        {
-            rays.clear();
-            rays.extend(
-                image
-                    .keypoints
-                    .iter()
-                    .map(|&at_px| intrinsics.unproject(at_px)),
-            );
-        }
+            .for_each(|(image, rays)| {
+                let keypoints = image.keypoints.iter();
+                rays.clear();
+                rays.extend(keypoints.map(|&at_px| intrinsics.unproject(at_px)));
+            });
     }
 
     pub fn at_px(&self, keypoint: KeypointId) -> DVec2 {
