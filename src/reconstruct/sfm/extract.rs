@@ -3,7 +3,7 @@ use std::collections::VecDeque;
 
 use glam::DVec2;
 
-use super::asift::{Tilt, tilted_features};
+use super::asift::{Original, Tilt, tilted_features};
 use super::cache::{CachedExtractor, ImageKey};
 use super::{Descriptors, FeatureExtractor, Features, SfmError};
 use ostra_core::job::Progress;
@@ -197,13 +197,15 @@ impl FrameFeatureExtractor<'_> {
 
     /// Extracts features of simulated tilted views of a frame's image, at their positions in the image itself.
     ///
-    /// Returns nothing if the image cannot be read.
+    /// Views are at most `max_side` pixels wide and high. Returns nothing if the image cannot be read.
     ///
     /// # Errors
     /// As [`Self::of_frames`].
     pub fn tilted(
         &self,
         number: usize,
+        tilts: &[Tilt],
+        max_side: usize,
         progress: &Progress,
     ) -> Result<Vec<ImageFeatures>, SfmError> {
         let Self {
@@ -221,14 +223,17 @@ impl FrameFeatureExtractor<'_> {
             return Ok(Vec::new());
         };
         let (grey, size) = (image.luma(), [image.width as usize, image.height as usize]);
-        let under = |tilt: Tilt| {
-            progress.check()?;
-            Ok(coloured(
-                tilted_features(extractor, &grey, size, allowed.as_deref(), tilt)?,
-                &image,
-            ))
+        let original = Original {
+            grey: &grey,
+            size,
+            allowed: allowed.as_deref(),
         };
-        Tilt::all().into_iter().map(under).collect()
+        let under = |&tilt: &Tilt| {
+            progress.check()?;
+            let found = tilted_features(extractor, original, tilt, max_side)?;
+            Ok(coloured(found, &image))
+        };
+        tilts.iter().map(under).collect()
     }
 }
 

@@ -1,25 +1,21 @@
 //! Second attempt at images that no model contains: they are matched with the images that see the
 //! same place, then under simulated tilts, and placed in the standing model.
 
+mod tilted;
+
 use std::collections::BTreeMap;
 
-use rayon::prelude::*;
-
-use super::asift::{Merged, one_to_one};
-use super::matching::NearestMatcher;
 use super::nearby_pairs::nearby_pairs;
-use super::pairs::{MatchedImage, match_pairs, verify};
+use super::pairs::match_pairs;
 use super::registration_report::FEW_FEATURES;
 use super::request::SfmRequest;
 use super::{
-    CachedExtractor, CachedMatcher, FeatureMatcher, Features, ImageFeatures, MapCamera, MapProblem,
-    Mapped, MatchedImages, SfmError, SparseModel, TriedPair, extend,
+    Features, ImageFeatures, MapCamera, MapProblem, Mapped, MatchedImages, SfmError, TriedPair,
+    extend,
 };
 use ostra_core::job::{PlannedStage, Progress};
 use ostra_frames::FrameStore;
-
-/// Maximum number of images matched under tilts; those with most matches with one other come first.
-const MOST: usize = 8;
+use tilted::{under_all_tilts, under_promising_tilts};
 
 /// Input of the mapper, and its result.
 pub(super) struct Attempt {
@@ -38,7 +34,8 @@ pub(super) struct Attempt {
 ///
 /// First come matches with images that see the same place, then those under simulated tilts: an
 /// image taken at a grazing angle shows its content so foreshortened that its features are not
-/// recognised until the tilt is simulated away. If every image was placed, nothing of this runs.
+/// recognised until the tilt is simulated away. All tilts are tried only for images that the
+/// promising ones do not place. If every image was placed, nothing of this runs.
 ///
 /// When stopped, returns what was reached before.
 ///
@@ -56,7 +53,7 @@ pub(super) fn retry_unregistered(
     request
         .frame_extractor(store)
         .restore_descriptors(&mut attempt.images, request.mapped)?;
-    for search in [nearby, under_tilts] {
+    for search in [nearby, under_promising_tilts, under_all_tilts] {
         let found = search(&attempt, request, store, progress)
             .and_then(|gains| extended(&attempt, gains, request, progress));
         match found {
@@ -202,49 +199,6 @@ fn nearby(
     })
 }
 
-/// Matches images that were left out under simulated tilts.
-fn under_tilts(
-    attempt: &Attempt,
-    request: &SfmRequest<'_>,
-    store: &FrameStore,
-    progress: &Progress,
-) -> Result<Gains, SfmError> {
-    let mut gains = Gains::default();
-    let Some(kept) = attempt.models.first() else {
-        return Ok(gains);
-    };
-    let mut images = left_out(attempt);
-    images.truncate(MOST);
-    if images.is_empty() {
-        return Ok(gains);
-    }
-    let (name, count) = ("match unregistered images again", images.len());
-    announce(
-        progress,
-        name,
-        "Match left-over images again",
-        2.0 * count as f64,
-    );
-    progress.stage(name)?;
-    for (done, &image) in images.iter().enumerate() {
-        progress.step(done, count)?;
-        let frame = request.mapped[image];
-        let views = request.frame_extractor(store).tilted(frame, progress)?;
-        let look = Retry {
-            attempt,
-            model: &kept.model,
-            image,
-            seed: request.mapper.seed,
-            cached: request.cached,
-        };
-        if let Some(found) = look.gains(&views, request.mapper.pose_inliers, progress)? {
-            gains.images.insert(image, found.image);
-            gains.pairs.extend(found.pairs);
-        }
-    }
-    Ok(gains)
-}
-
 /// Returns the images that no model contains although they have enough features.
 fn left_out(attempt: &Attempt) -> Vec<usize> {
     let is_placed = |image: usize| {
@@ -271,181 +225,6 @@ fn left_out(attempt: &Attempt) -> Vec<usize> {
 /// Returns how many images the kept model contains.
 fn placed(models: &[Mapped]) -> usize {
     models.first().map_or(0, |kept| kept.model.placed().count())
-}
-
-/// Number of model images that an image is compared with; those with most matches come first.
-const NEIGHBOURS: usize = 24;
-/// Number of these that are compared before it is checked whether more are needed.
-const TOGETHER: usize = 8;
-/// Number of images that agree with enough matches each, with which no more are needed.
-const SUFFICIENT: usize = 4;
-
-/// Additional matches of one image.
-struct Gained {
-    /// Its features, followed by those of tilted views.
-    pub image: ImageFeatures,
-    /// Pairs for which more matches agree than before.
-    pub pairs: Vec<TriedPair>,
-}
-
-/// Searches for matches between an image that no model contains and the images of a model.
-struct Retry<'a> {
-    pub attempt: &'a Attempt,
-    pub model: &'a SparseModel,
-    pub image: usize,
-    pub seed: u64,
-    pub cached: Option<&'a CachedExtractor<'a>>,
-}
-
-/// Matches of one view: number of the view, keypoints of view and neighbour.
-type OfView = (usize, Vec<(u32, u32)>);
-
-impl Retry<'_> {
-    /// Matches the image and its tilted `views`; `None` without a sufficient gain.
-    ///
-    /// There is none if no more matches agree than before, or fewer than `enough` with any one
-    /// image, which is too few for a pose.
-    pub fn gains(
-        &self,
-        views: &[ImageFeatures],
-        enough: usize,
-        progress: &Progress,
-    ) -> Result<Option<Gained>, SfmError> {
-        let own = &self.attempt.images[self.image];
-        let all: Vec<&ImageFeatures> = std::iter::once(own).chain(views).collect();
-        let mut merged = Merged::new(own);
-        let mut pairs: Vec<TriedPair> = Vec::new();
-        for neighbours in self.neighbours().chunks(TOGETHER) {
-            let mut found = Vec::with_capacity(neighbours.len());
-            for by_view in self.matches(&all, neighbours, progress)? {
-                let numbered = by_view.into_iter().flat_map(|(view, matches)| {
-                    let numbers: Vec<_> = matches
-                        .into_iter()
-                        .map(|(index, other)| (merged.number(all[view], index), other))
-                        .collect();
-                    numbers
-                });
-                found.push(one_to_one(numbered));
-            }
-            let tried = neighbours
-                .par_iter()
-                .zip(&found)
-                .map(|(&other, found)| self.verified(merged.image(), other, found));
-            let tried: Vec<TriedPair> = tried.collect();
-            let gained = |pair: &TriedPair| agreeing(pair) > self.agreed(pair.images);
-            pairs.extend(tried.into_iter().filter(gained));
-            let good = pairs.iter().filter(|pair| agreeing(pair) >= enough);
-            if good.count() >= SUFFICIENT {
-                break;
-            }
-        }
-        let image = merged.into_image();
-        Ok(pairs
-            .iter()
-            .any(|pair| agreeing(pair) >= enough)
-            .then_some(Gained { image, pairs }))
-    }
-
-    /// Returns images of the model, those with most matches first.
-    fn neighbours(&self) -> Vec<usize> {
-        let matches = |other: u32| {
-            let pair = ordered(self.image as u32, other);
-            self.attempt
-                .tried
-                .iter()
-                .find(|tried| tried.images == pair)
-                .map_or(0, |tried| tried.matches)
-        };
-        let mut ranked: Vec<(usize, u32)> = self
-            .model
-            .placed()
-            .map(|other| (matches(other), other))
-            .collect();
-        ranked.sort_unstable_by_key(|&(matches, other)| (std::cmp::Reverse(matches), other));
-        ranked.truncate(NEIGHBOURS);
-        let others = ranked.into_iter().map(|(_, other)| other as usize);
-        others.collect()
-    }
-
-    /// Returns the matches of each view by neighbour.
-    ///
-    /// Nearest neighbours are used whatever the chosen matcher, because there are many views.
-    fn matches(
-        &self,
-        views: &[&ImageFeatures],
-        neighbours: &[usize],
-        progress: &Progress,
-    ) -> Result<Vec<Vec<OfView>>, SfmError> {
-        let others = neighbours.iter().map(|&other| &self.attempt.images[other]);
-        let set: Vec<&Features> = views
-            .iter()
-            .copied()
-            .chain(others)
-            .map(|image| &image.features)
-            .collect();
-        let nearest = match set[0].descriptors.as_bytes() {
-            Some(_) => NearestMatcher::for_bytes(),
-            None => NearestMatcher::for_floats(),
-        };
-        let cached = self.cached.map(|cached| CachedMatcher {
-            matcher: &nearest,
-            identity: cached.identity,
-            cache: cached.cache,
-        });
-        let matcher: &dyn FeatureMatcher = match &cached {
-            Some(cached) => cached,
-            None => &nearest,
-        };
-        let matcher = matcher.of_set(&set)?;
-        let of_neighbour = |other: usize| {
-            let of_view = |view: usize| {
-                progress.check()?;
-                Ok((view, matcher(view, views.len() + other)?))
-            };
-            (0..views.len()).map(of_view).collect()
-        };
-        (0..neighbours.len())
-            .into_par_iter()
-            .map(of_neighbour)
-            .collect()
-    }
-
-    /// Verifies the matches of this image with another one.
-    fn verified(&self, image: &ImageFeatures, other: usize, matches: &[(u32, u32)]) -> TriedPair {
-        let Attempt {
-            problem, images, ..
-        } = self.attempt;
-        let numbered = |image: usize, features| MatchedImage {
-            image,
-            features,
-            camera: problem.cameras[problem.images[image].camera],
-            cache: self.cached.map(|cached| cached.cache),
-        };
-        let own = numbered(self.image, &image.features);
-        let other = numbered(other, &images[other].features);
-        if own.image < other.image {
-            return verify([own, other], matches, self.seed);
-        }
-        let turned: Vec<(u32, u32)> = matches.iter().map(|&(a, b)| (b, a)).collect();
-        verify([other, own], &turned, self.seed)
-    }
-
-    /// Returns how many matches of a pair agreed in the first attempt.
-    fn agreed(&self, images: [u32; 2]) -> usize {
-        self.attempt
-            .tried
-            .iter()
-            .find(|pair| pair.images == images)
-            .map_or(0, agreeing)
-    }
-}
-
-fn agreeing(pair: &TriedPair) -> usize {
-    pair.verified.as_ref().map_or(0, |pair| pair.matches.len())
-}
-
-fn ordered(a: u32, b: u32) -> [u32; 2] {
-    [a.min(b), a.max(b)]
 }
 
 #[cfg(test)]

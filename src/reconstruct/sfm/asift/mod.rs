@@ -7,4 +7,4 @@ mod tests;
 mod view;
 
 pub use merge::{Merged, one_to_one};
-pub use view::{Tilt, tilted_features};
+pub use view::{Original, Tilt, tilted_features};

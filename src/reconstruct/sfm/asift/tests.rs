@@ -12,6 +12,16 @@ use crate::sfm::{
 };
 
 const SIDE: usize = 320;
+/// Longest side of views.
+const MAX_SIDE: usize = 1600;
+
+fn original<'a>(grey: &'a [f32], allowed: Option<&'a [bool]>) -> Original<'a> {
+    Original {
+        grey,
+        size: [SIDE, SIDE],
+        allowed,
+    }
+}
 
 /// Returns round spots of many sizes and shades on grey.
 fn spotted(seed: u64) -> Vec<f32> {
@@ -61,7 +71,7 @@ fn view_positions_map_to_the_image() {
     let mut grey = vec![0.0; SIDE * SIDE];
     spot(&mut grey, at, 5.0, 1.0);
     for tilt in Tilt::all() {
-        let view = TiltedView::new(&grey, SIDE, SIDE, tilt);
+        let view = TiltedView::new(&grey, [SIDE, SIDE], tilt, MAX_SIDE);
         let place = |i: usize| DVec2::new((i % view.width) as f64, (i / view.width) as f64) + 0.5;
         let sum: f64 = view.grey.iter().map(|&v| f64::from(v)).sum();
         let mean = view
@@ -95,12 +105,12 @@ fn positions_in_large_images_are_in_their_own_pixels() {
     let grey: Vec<f32> = (0..width * height).map(shade).collect();
     let view = TiltedView::new(
         &grey,
-        width,
-        height,
+        [width, height],
         Tilt {
             along: 0.0,
             by: 2.0,
         },
+        MAX_SIDE,
     );
     let brightest = (0..view.grey.len())
         .max_by(|&a, &b| view.grey[a].total_cmp(&view.grey[b]))
@@ -151,7 +161,7 @@ fn tilted_view_matches_foreshortened_content() {
         along: 0.0,
         by: 8f64.sqrt(),
     };
-    let asift = right(&tilted_features(&sift, &grey, [SIDE, SIDE], None, tilt).unwrap());
+    let asift = right(&tilted_features(&sift, original(&grey, None), tilt, MAX_SIDE).unwrap());
     assert!(
         asift >= 60 && asift > 4 * plain,
         "{plain} without, {asift} with a tilt"
@@ -183,7 +193,8 @@ impl FeatureExtractor for Pointing {
 #[test]
 fn orientations_in_views_are_turned_into_the_image() {
     for tilt in Tilt::all() {
-        let found = tilted_features(&Pointing, &spotted(4), [SIDE, SIDE], None, tilt).unwrap();
+        let found =
+            tilted_features(&Pointing, original(&spotted(4), None), tilt, MAX_SIDE).unwrap();
         let along = found.keypoints[1] - found.keypoints[0];
         let expected = along.to_angle().rem_euclid(std::f64::consts::TAU);
         let angle = f64::from(found.orientations[0]);
@@ -198,14 +209,9 @@ fn orientations_in_views_are_turned_into_the_image() {
 fn features_lie_only_in_allowed_pixels() {
     let allowed: Vec<bool> = (0..SIDE * SIDE).map(|i| i % SIDE < SIDE / 2).collect();
     for tilt in Tilt::all() {
-        let found = tilted_features(
-            &Sift::default(),
-            &spotted(4),
-            [SIDE, SIDE],
-            Some(&allowed),
-            tilt,
-        )
-        .unwrap();
+        let (grey, sift) = (spotted(4), Sift::default());
+        let found =
+            tilted_features(&sift, original(&grey, Some(&allowed)), tilt, MAX_SIDE).unwrap();
         assert!(
             found.keypoints.len() > 50,
             "{tilt:?}: {}",

@@ -29,8 +29,6 @@ const TILTS: [f64; 3] = [
 const STEP: f64 = 1.256_637_061_435_917_3;
 /// Blur before compression, per √(tilt² − 1), in pixels; SIFT assumes that an image already has half a pixel of blur.
 const BLUR: f64 = 0.8;
-/// Longest processed side, in pixels: there are many tilts.
-const MAX_SIDE: usize = 1600;
 /// The kernel ends after this many standard deviations.
 const KERNEL_REACH: f64 = 3.0;
 
@@ -69,9 +67,9 @@ pub struct TiltedView {
 impl TiltedView {
     /// Creates a view of a grey image in 0–1, row by row.
     ///
-    /// Beyond the edge the edge is repeated. Large images are shrunk.
-    pub fn new(grey: &[f32], width: usize, height: usize, tilt: Tilt) -> Self {
-        let step = width.max(height).div_ceil(MAX_SIDE).max(1);
+    /// Beyond the edge the edge is repeated. Images with a side longer than `max_side` are shrunk.
+    pub fn new(grey: &[f32], [width, height]: [usize; 2], tilt: Tilt, max_side: usize) -> Self {
+        let step = width.max(height).div_ceil(max_side).max(1);
         if step == 1 {
             return Self::of_small(grey, width, height, tilt);
         }
@@ -184,21 +182,35 @@ fn between(grey: &[f32], [width, height]: [usize; 2], at: DVec2) -> f32 {
     (1.0 - down) * row(top) + down * row(low)
 }
 
-/// Extracts features of a grey image under a simulated tilt, at their positions in the image itself.
+/// An image of which tilted views are made.
+#[derive(Clone, Copy)]
+pub struct Original<'a> {
+    /// Grey values in 0–1, row by row.
+    pub grey: &'a [f32],
+    /// Columns and rows.
+    pub size: [usize; 2],
+    /// Pixels where features may lie; `None` = all.
+    pub allowed: Option<&'a [bool]>,
+}
+
+/// Extracts features of an image under a simulated tilt, at their positions in the image itself.
 ///
-/// The image has `width · height` values in 0–1, row by row. Features lie only where `allowed` is
-/// true, or anywhere without it.
+/// The view is at most `max_side` pixels wide and high.
 ///
 /// # Errors
 /// Fails if the extractor fails.
 pub fn tilted_features(
     extractor: &dyn FeatureExtractor,
-    grey: &[f32],
-    [width, height]: [usize; 2],
-    allowed: Option<&[bool]>,
+    original: Original<'_>,
     tilt: Tilt,
+    max_side: usize,
 ) -> Result<Features, FeatureError> {
-    let view = TiltedView::new(grey, width, height, tilt);
+    let Original {
+        grey,
+        size: [width, height],
+        allowed,
+    } = original;
+    let view = TiltedView::new(grey, [width, height], tilt, max_side);
     let found = extractor.extract(
         &view.grey,
         view.width,
@@ -225,7 +237,8 @@ pub fn tilted_features(
 /// Returns which pixels of a view show an allowed one of the image.
 fn allowed_in(view: &TiltedView, width: usize, allowed: Option<&[bool]>) -> Vec<bool> {
     let pixels = (0..view.height)
-        .flat_map(|y| (0..view.width).map(move |x| DVec2::new(x as f64, y as f64) + 0.5));
+        .into_par_iter()
+        .flat_map_iter(|y| (0..view.width).map(move |x| DVec2::new(x as f64, y as f64) + 0.5));
     let is_allowed =
         |at: DVec2| allowed.is_none_or(|allowed| allowed[at.y as usize * width + at.x as usize]);
     pixels

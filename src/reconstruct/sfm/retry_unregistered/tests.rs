@@ -2,7 +2,9 @@ use glam::{DMat3, DQuat, DVec3};
 use image::GrayImage;
 use tempfile::TempDir;
 
+use super::tilted::Retry;
 use super::*;
+use crate::sfm::asift::Tilt;
 use crate::sfm::matching::NearestMatcher;
 use crate::sfm::pair_selection::match_images;
 use crate::sfm::request::SfmRequest;
@@ -130,6 +132,22 @@ impl Photos {
         }
     }
 
+    /// Returns the request to reconstruct them.
+    fn request<'a>(&'a self, sift: &'a Sift, nearest: &'a NearestMatcher) -> SfmRequest<'a> {
+        SfmRequest {
+            frames: &self.frames,
+            mapped: &[0, 1, 2, 3, 4, 5],
+            located: &[],
+            keep_poses: false,
+            allowed: &|_| None,
+            extractor: sift,
+            cached: None,
+            matcher: nearest,
+            pairs: PairOptions::default(),
+            mapper: MapperOptions::default(),
+        }
+    }
+
     /// Returns the numbers of the images placed in the first and after the second attempt, and the
     /// error of their centres.
     fn placed(&self, progress: &Progress) -> (Vec<u32>, Vec<u32>, f64) {
@@ -138,18 +156,7 @@ impl Photos {
             Sift::default(),
             NearestMatcher::for_bytes(),
         );
-        let request = SfmRequest {
-            frames: &self.frames,
-            mapped: &[0, 1, 2, 3, 4, 5],
-            located: &[],
-            keep_poses: false,
-            allowed: &|_| None,
-            extractor: &sift,
-            cached: None,
-            matcher: &nearest,
-            pairs: PairOptions::default(),
-            mapper: MapperOptions::default(),
-        };
+        let request = self.request(&sift, &nearest);
         let first = attempt(&request, &store);
         let placed = |attempt: &Attempt| attempt.models[0].model.placed().collect::<Vec<u32>>();
         let before = placed(&first);
@@ -220,6 +227,37 @@ fn grazing_view_is_placed_by_simulated_tilts() {
         (vec![0, 1, 2, 3, 4], vec![0, 1, 2, 3, 4, 5])
     );
     assert!(error < 0.005, "{error:.4}");
+}
+
+#[test]
+fn tilts_that_make_up_for_the_view_come_first() {
+    // Near the ground, it appears compressed from top to bottom: the tilts compress along the rows.
+    let photos = Photos::new(view(30.0, 15.0, 2.6), 1);
+    let (store, sift, nearest) = (
+        FrameStore::new(16 << 20),
+        Sift::default(),
+        NearestMatcher::for_bytes(),
+    );
+    let (request, progress) = (photos.request(&sift, &nearest), Progress::default());
+    let attempt = attempt(&request, &store);
+    let retry = Retry {
+        attempt: &attempt,
+        model: &attempt.models[0].model,
+        image: 5,
+        seed: request.mapper.seed,
+        enough: request.mapper.pose_inliers,
+        cached: None,
+        progress: &progress,
+    };
+    let views = |tilts: &[Tilt], max_side| {
+        let extractor = request.frame_extractor(&store);
+        extractor.tilted(5, tilts, max_side, &progress)
+    };
+    let ranked = retry.ranked_tilts(&views).unwrap();
+    let along_rows = |tilt: &Tilt| tilt.along.min(std::f64::consts::PI - tilt.along) < 0.5;
+    let first = &ranked[..3];
+    assert!(first.iter().all(along_rows), "{first:?}");
+    assert!(first[0].by > 2.0, "{first:?}");
 }
 
 #[test]
