@@ -8,7 +8,7 @@ use super::print::{print_json, print_text, print_to_stderr, printable};
 use super::values;
 use ostra_core::lists::in_words;
 use ostra_eval::bench::{
-    BenchOptions, BenchStage, STANDARD_SETS, StandardSet, SyntheticSet, run_bench,
+    BenchOptions, BenchProgram, BenchStage, STANDARD_SETS, StandardSet, SyntheticSet, run_bench,
 };
 
 /// Variable with the folder of data sets, for those who do not give it with `--data`.
@@ -16,7 +16,19 @@ const DATA_VARIABLE: &str = "OSTRA_DATA";
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum OtherProgram {
+    /// COLMAP in Python, on photos.
     Pycolmap,
+    /// Open3D in Python, on recordings with depth.
+    Open3d,
+}
+
+impl From<OtherProgram> for BenchProgram {
+    fn from(program: OtherProgram) -> Self {
+        match program {
+            OtherProgram::Pycolmap => Self::Pycolmap,
+            OtherProgram::Open3d => Self::Open3d,
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -48,8 +60,8 @@ pub(super) struct BenchArgs {
     /// Number of rounds; the times are medians.
     #[arg(long, value_name = "N", default_value = "1", value_parser = values::from_one)]
     pub rounds: usize,
-    /// Run this program as well, in turns; it only finds cameras (repeatable).
-    #[arg(long, value_name = "PROGRAM")]
+    /// Run these programs as well, in turns; they only find cameras.
+    #[arg(long, value_name = "PROGRAM[,PROGRAM…]", value_delimiter = ',')]
     pub beside: Vec<OtherProgram>,
     /// Print one JSON object.
     #[arg(long)]
@@ -62,6 +74,17 @@ fn standard_set() -> impl TypedValueParser<Value = StandardSet> {
         let named = |set: &StandardSet| set.name == name;
         STANDARD_SETS.into_iter().find(named).ok_or("no such set")
     })
+}
+
+/// Returns the programs, each once.
+fn other_programs(named: Vec<OtherProgram>) -> Vec<BenchProgram> {
+    let mut programs: Vec<BenchProgram> = Vec::new();
+    for program in named.into_iter().map(BenchProgram::from) {
+        if !programs.contains(&program) {
+            programs.push(program);
+        }
+    }
+    programs
 }
 
 /// Runs the sets, and prints what they took.
@@ -102,7 +125,7 @@ pub(super) fn bench(args: BenchArgs) -> Result<()> {
             Until::Cloud => BenchStage::Cloud,
         },
         rounds: args.rounds,
-        with_pycolmap: args.beside.contains(&OtherProgram::Pycolmap),
+        beside: other_programs(args.beside),
     };
     let report = run_bench(&options, &mut |line| {
         print_to_stderr(&format!("{}\n", printable(line)));

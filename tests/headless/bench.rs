@@ -196,12 +196,12 @@ fn without_data_the_error_says_what_to_give() {
     assert_eq!(output.status.code(), Some(2));
 }
 
-/// A `python3` that answers as the script with pycolmap does, with the true cameras.
+/// A `python3` that answers as the scripts do, with the true cameras.
 #[cfg(unix)]
 const PYTHON: &str = r#"#!/bin/sh
 export PATH=/usr/bin:/bin
 case "$2" in
-"import pycolmap"*) echo 9.9.9 ;;
+"import pycolmap"* | "import open3d"*) echo 9.9.9 ;;
 *)
     value() { printf '%s' "$1" | sed "s/.*\"$2\":\"\([^\"]*\)\".*/\1/"; }
     images=$(value "$3" images)
@@ -213,16 +213,22 @@ case "$2" in
 esac
 "#;
 
+/// Puts [`PYTHON`] among the programs of [`bench`].
 #[cfg(unix)]
-#[test]
-fn programs_take_turns_and_get_the_same_images_and_intrinsics() {
+fn answer_as_python(folder: &Path) {
     use std::os::unix::fs::PermissionsExt;
 
-    let dir = TempDir::new().unwrap();
-    let python = dir.path().join("bin/python3");
+    let python = folder.join("bin/python3");
     std::fs::create_dir_all(python.parent().unwrap()).unwrap();
     std::fs::write(&python, PYTHON).unwrap();
     std::fs::set_permissions(&python, std::fs::Permissions::from_mode(0o755)).unwrap();
+}
+
+#[cfg(unix)]
+#[test]
+fn programs_take_turns_and_get_the_same_images_and_intrinsics() {
+    let dir = TempDir::new().unwrap();
+    answer_as_python(dir.path());
     let args = ["--synthetic", "4", "--beside", "pycolmap", "--rounds", "2"];
     let output = bench(dir.path(), &[&args[..], &["--json"]].concat());
     let errors = text(&output.stderr);
@@ -252,6 +258,58 @@ fn programs_take_turns_and_get_the_same_images_and_intrinsics() {
     assert_eq!(request["names"][0], "000.png");
     assert_eq!(request["camera"][2], 320.0);
     assert_eq!(request["sequential"], true);
+}
+
+#[cfg(unix)]
+#[test]
+fn open3d_takes_recordings_and_pycolmap_photos() {
+    let dir = TempDir::new().unwrap();
+    answer_as_python(dir.path());
+    let data = dir.path().join("data");
+    write_set(&data, "sceaux_castle", 5);
+    let scene = Scene::build(&SceneOptions {
+        views: 5,
+        width: 160,
+        height: 120,
+        arc_deg: 38.4,
+        ..SceneOptions::default()
+    });
+    let recording = data.join("redkitchen_rgbd_a");
+    let scene = scene.unwrap();
+    scene.write(&recording, &Progress::default()).unwrap();
+    let args = ["--data", data.to_str().unwrap(), "--json"];
+    let beside = ["--beside", "pycolmap,open3d", "--sets"];
+    let sets = |sets: &'static str| [&args[..], &beside, &[sets]].concat();
+    let output = bench(dir.path(), &sets("castle,kitchen-rgbd"));
+    let errors = text(&output.stderr);
+    assert!(output.status.success(), "{errors}");
+    let report: Value = serde_json::from_str(&text(&output.stdout)).unwrap();
+    let programs = |set: &Value| -> Vec<String> {
+        let runs = set["runs"].as_array().unwrap().iter();
+        runs.map(|run| run["program"].as_str().unwrap().to_owned())
+            .collect()
+    };
+    assert_eq!(programs(&report["sets"][0]), ["ostra", "pycolmap"]);
+    let kitchen = &report["sets"][1];
+    assert_eq!(programs(kitchen), ["ostra", "open3d"]);
+    assert!(number(&kitchen["runs"][1]["centre_percent"]) < 1e-3);
+    let requests = std::fs::read_to_string(dir.path().join("bin/requests")).unwrap();
+    let request: Value = serde_json::from_str(requests.lines().next_back().unwrap()).unwrap();
+    let depth = recording.join("depth");
+    assert_eq!(request["depth"], depth.to_str().unwrap());
+    assert_eq!(request["units_per_metre"], 1000.0);
+    assert_eq!(request["camera"][2], 80.0);
+
+    // Without a set that a program takes, the report says so.
+    let output = bench(dir.path(), &sets("castle"));
+    let report: Value = serde_json::from_str(&text(&output.stdout)).unwrap();
+    let not_run = report["not_run"].as_array().unwrap();
+    assert_eq!(not_run.len(), 1);
+    let not_run = not_run[0].as_str().unwrap();
+    assert!(
+        not_run.contains("open3d") && not_run.contains("no set to run has depth"),
+        "{not_run}"
+    );
 }
 
 #[test]

@@ -53,6 +53,9 @@ impl StandardSet {
     }
 }
 
+/// Units of the depth maps of all sets: millimetres.
+pub(super) const DEPTH_UNITS_PER_METRE: f64 = 1000.0;
+
 /// The standard sets, those of photos first.
 pub const STANDARD_SETS: [StandardSet; 9] = [
     StandardSet::photos("fountain", "strecha_fountain_P11"),

@@ -1,4 +1,4 @@
-//! Time, accuracy and memory of reconstructions of standard data sets, also of another program.
+//! Time, accuracy and memory of reconstructions of standard data sets, also of other programs.
 //!
 //! [`run_bench`] runs every set in child processes: this program, and on request others, in turns.
 //! Each run starts with a new project or database in a folder of its own, so that nothing is known
@@ -10,7 +10,7 @@ mod data_sets;
 mod machine;
 mod measured;
 mod ostra_run;
-mod pycolmap;
+mod python;
 mod report;
 mod run;
 mod synthetic_set;

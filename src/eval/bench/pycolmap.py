@@ -2,33 +2,14 @@
 
 The argument is a JSON object: images (folder), names (of the images), camera (PINHOLE parameters or null), sequential
 (whether the images follow a path) and work (empty folder). The cameras are written to work/cameras. The last line of
-the output is a JSON object of what it took.
+the output is a JSON object of what it took. `timed` and `peak_memory_bytes` are in timing.py, which comes before this.
 """
 
 import json
 import sys
-import time
 from pathlib import Path
 
 import pycolmap
-
-
-def timed(steps, step, work):
-    begun = time.perf_counter()
-    result = work()
-    steps.append({"step": step, "seconds": time.perf_counter() - begun})
-    return result
-
-
-def peak_memory_bytes():
-    """Returns the largest memory in use so far, or None where the system does not report it."""
-    try:
-        for line in Path("/proc/self/status").read_text().splitlines():
-            if line.startswith("VmHWM:"):
-                return int(line.split()[1]) * 1024
-    except OSError:
-        pass
-    return None
 
 
 def main():

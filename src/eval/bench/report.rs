@@ -2,6 +2,7 @@ use std::fmt::Write as _;
 
 use serde::Serialize;
 
+use super::data_sets::DataSet;
 use super::machine::Machine;
 use super::measured::Measured;
 use crate::cloud_score::TextTable;
@@ -12,8 +13,12 @@ use crate::cloud_score::TextTable;
 pub enum BenchProgram {
     /// This program.
     Ostra,
-    /// COLMAP in Python, on the CPU.
+    /// COLMAP in Python, on the CPU, with its default options. It finds cameras of photos: images that
+    /// follow a path are matched in their order, others each with every other.
     Pycolmap,
+    /// Open3D in Python, on the CPU. It finds cameras of recordings with depth, by RGB-D odometry and a
+    /// pose graph.
+    Open3d,
 }
 
 impl BenchProgram {
@@ -23,7 +28,18 @@ impl BenchProgram {
         match self {
             Self::Ostra => "ostra",
             Self::Pycolmap => "pycolmap",
+            Self::Open3d => "open3d",
         }
+    }
+
+    /// Returns whether the program can reconstruct a set.
+    pub(super) fn takes(self, set: &DataSet) -> bool {
+        self == Self::Ostra || self.takes_photos() == set.depth.is_none()
+    }
+
+    /// Returns whether the program finds cameras without depth.
+    pub(super) fn takes_photos(self) -> bool {
+        self != Self::Open3d
     }
 }
 

@@ -1,12 +1,12 @@
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, anyhow, ensure};
 
 use super::data_sets::{DataSet, StandardSet};
 use super::machine::Machine;
 use super::measured::{BenchStage, CameraErrors, Measured, RunOutcome};
 use super::ostra_run::OstraRun;
-use super::pycolmap;
+use super::python::PythonProgram;
 use super::report::{BenchProgram, BenchReport, ProgramRun, SetReport};
 use super::synthetic_set::SyntheticSet;
 use crate::evaluate::score_cameras;
@@ -31,8 +31,8 @@ pub struct BenchOptions {
     pub until: BenchStage,
     /// Number of rounds, from 1.
     pub rounds: usize,
-    /// Whether pycolmap takes turns with this program.
-    pub with_pycolmap: bool,
+    /// Other programs that take turns with this one, on the sets that they can reconstruct.
+    pub beside: Vec<BenchProgram>,
 }
 
 /// A program that can run.
@@ -60,9 +60,18 @@ pub fn run_bench(options: &BenchOptions, note: &mut dyn FnMut(&str)) -> Result<B
         version: options.version.clone(),
     }];
     let mut not_run = Vec::new();
-    if options.with_pycolmap {
-        let program = BenchProgram::Pycolmap;
-        match pycolmap::version(work.path()) {
+    for &program in &options.beside {
+        let Some(other) = PythonProgram::of(program) else {
+            continue;
+        };
+        let has_set = found.iter().any(|set| program.takes(set))
+            || (program.takes_photos() && !options.synthetic.is_empty());
+        let version = if has_set {
+            other.version(work.path())
+        } else {
+            Err(no_set(program))
+        };
+        match version {
             Ok(version) => ready.push(Ready { program, version }),
             Err(error) => {
                 note(&format!("warning: {error:#}"));
@@ -92,6 +101,19 @@ pub fn run_bench(options: &BenchOptions, note: &mut dyn FnMut(&str)) -> Result<B
         not_found,
         not_run,
     })
+}
+
+/// Returns why a program has nothing to run on.
+fn no_set(program: BenchProgram) -> anyhow::Error {
+    let kind = if program.takes_photos() {
+        "has no depth"
+    } else {
+        "has depth"
+    };
+    anyhow!(
+        "`--beside {}`: no set to run {kind}, which it needs",
+        program.name()
+    )
 }
 
 impl BenchOptions {
@@ -140,8 +162,7 @@ impl Bench<'_> {
     /// Runs all programs on a set, in turns.
     fn run(&self, set: &DataSet, note: &mut dyn FnMut(&str)) -> SetReport {
         let images = set.image_names().map_or(0, |names| names.len());
-        // COLMAP does not register by depth.
-        let takes = |ready: &&Ready| ready.program == BenchProgram::Ostra || set.depth.is_none();
+        let takes = |ready: &&Ready| ready.program.takes(set);
         let programs: Vec<&Ready> = self.ready.iter().filter(takes).collect();
         let mut rounds: Vec<Result<Rounds>> = Vec::new();
         rounds.resize_with(programs.len(), || Ok(Rounds::default()));
@@ -178,8 +199,8 @@ impl Bench<'_> {
         let work = self.work.join("run");
         std::fs::create_dir(&work)
             .with_context(|| format!("{}: cannot be made", work.display()))?;
-        let finished = match program {
-            BenchProgram::Ostra => {
+        let finished = match PythonProgram::of(program) {
+            None => {
                 let run = OstraRun {
                     program: &self.options.program,
                     set,
@@ -188,7 +209,7 @@ impl Bench<'_> {
                 };
                 run.run()
             }
-            BenchProgram::Pycolmap => pycolmap::run(set, &work),
+            Some(other) => other.run(set, &work),
         };
         let scored = finished.and_then(|(outcome, cameras)| Ok((outcome, errors(set, &cameras)?)));
         remove(&work)?;
