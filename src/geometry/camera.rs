@@ -206,6 +206,26 @@ mod tests {
             .collect()
     }
 
+    #[test]
+    fn lens_folds_back_at_the_radius_where_its_derivative_is_zero() {
+        let base = Camera::pinhole(640, 480, [500.0, 500.0], [320.0, 240.0]);
+        let project = |k: [f64; 2], radius: f64| {
+            let distortion = Distortion::Radial { k };
+            Camera { distortion, ..base }.project(glam::DVec3::new(radius, 0.0, 1.0))
+        };
+        // 1 + 3 k1 r² is zero at r = 1.
+        let k = [-1.0 / 3.0, 0.0];
+        assert!(project(k, 0.99).is_some() && project(k, 1.01).is_none());
+        // Here a positive k2 outweighs k1: 1 + 3 k1 r² + 5 k2 r⁴ is above zero everywhere.
+        let k = [-1.0 / 3.0, 0.06];
+        assert!(
+            [0.5, 1.0, 3.0]
+                .iter()
+                .all(|&radius| project(k, radius).is_some())
+        );
+        assert!(project([f64::NAN, 0.0], 0.5).is_none());
+    }
+
     proptest! {
         #[test]
         fn project_undoes_unproject(x in 0.0..640.0f64, y in 0.0..480.0f64, depth in 0.1..100.0f64) {

@@ -221,7 +221,8 @@ impl LensTerms {
     ///
     /// Terms that make it grow faster are left out. The divisor must be 1.
     fn slowest_growth(&self, end: f64) -> f64 {
-        let [a1, a2, a3, a4] = self.above.map(|a| a.min(0.0));
+        // Not `min`, which would hide a coefficient that is not a number.
+        let [a1, a2, a3, a4] = self.above.map(|a| if a > 0.0 { 0.0 } else { a });
         1.0 + end * (3.0 * a1 + end * (5.0 * a2 + end * (7.0 * a3 + end * 9.0 * a4)))
     }
 

@@ -92,6 +92,7 @@ impl FrameFeatureExtractor<'_> {
                 self.store.forget_image(&self.frames[wanted.number]);
             }
         }
+        self.extractor.free_buffers();
         Ok(all)
     }
 
@@ -197,7 +198,8 @@ impl FrameFeatureExtractor<'_> {
 
     /// Extracts features of simulated tilted views of a frame's image, at their positions in the image itself.
     ///
-    /// Views are at most `max_side` pixels wide and high. Returns nothing if the image cannot be read.
+    /// The image is first shrunk so that its longer side is at most `max_side` pixels. Returns nothing if
+    /// it cannot be read.
     ///
     /// # Errors
     /// As [`Self::of_frames`].
@@ -233,7 +235,9 @@ impl FrameFeatureExtractor<'_> {
             let found = tilted_features(extractor, original, tilt, max_side)?;
             Ok(coloured(found, &image))
         };
-        tilts.iter().map(under).collect()
+        let views = tilts.iter().map(under).collect();
+        extractor.free_buffers();
+        views
     }
 }
 

@@ -146,6 +146,9 @@ pub trait FeatureExtractor: Send + Sync {
         allowed: Option<&[bool]>,
     ) -> Result<Features, FeatureError>;
 
+    /// Frees memory that is kept for the next image.
+    fn free_buffers(&self) {}
+
     /// Returns whether [`Self::extract_from_image`] uses the colours of an image.
     fn uses_color(&self) -> bool {
         false

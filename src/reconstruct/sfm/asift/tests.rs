@@ -12,7 +12,7 @@ use crate::sfm::{
 };
 
 const SIDE: usize = 320;
-/// Longest side of views.
+/// Longest side of an image that is not shrunk.
 const MAX_SIDE: usize = 1600;
 
 fn original<'a>(grey: &'a [f32], allowed: Option<&'a [bool]>) -> Original<'a> {

@@ -195,7 +195,7 @@ pub struct Original<'a> {
 
 /// Extracts features of an image under a simulated tilt, at their positions in the image itself.
 ///
-/// The view is at most `max_side` pixels wide and high.
+/// The image is first shrunk so that its longer side is at most `max_side` pixels.
 ///
 /// # Errors
 /// Fails if the extractor fails.

@@ -36,6 +36,10 @@ impl FeatureExtractor for CachedExtractor<'_> {
         })
     }
 
+    fn free_buffers(&self) {
+        self.extractor.free_buffers();
+    }
+
     fn uses_color(&self) -> bool {
         self.extractor.uses_color()
     }

@@ -2,7 +2,8 @@ use glam::{DMat3, DQuat, DVec3};
 use image::GrayImage;
 use tempfile::TempDir;
 
-use super::tilted::Retry;
+use super::search::extended;
+use super::tilted::{Retry, under_promising_tilts};
 use super::*;
 use crate::sfm::asift::Tilt;
 use crate::sfm::matching::NearestMatcher;
@@ -227,6 +228,21 @@ fn grazing_view_is_placed_by_simulated_tilts() {
         (vec![0, 1, 2, 3, 4], vec![0, 1, 2, 3, 4, 5])
     );
     assert!(error < 0.005, "{error:.4}");
+}
+
+#[test]
+fn promising_tilts_place_a_grazing_view() {
+    let photos = Photos::new(view(30.0, 15.0, 2.6), 1);
+    let (store, sift, nearest) = (
+        FrameStore::new(16 << 20),
+        Sift::default(),
+        NearestMatcher::for_bytes(),
+    );
+    let (request, progress) = (photos.request(&sift, &nearest), Progress::default());
+    let attempt = attempt(&request, &store);
+    let gains = under_promising_tilts(&attempt, &request, &store, &progress).unwrap();
+    let extended = extended(&attempt, gains, &request, &progress).unwrap();
+    assert_eq!(extended.unwrap().model.model.placed().count(), 6);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{Attempt, Gains, announce, left_out};
+use super::attempt::{Attempt, Gains, begin, left_out};
 use crate::sfm::asift::{Merged, Tilt, one_to_one};
 use crate::sfm::matching::NearestMatcher;
 use crate::sfm::pairs::{MatchedImage, verify};
@@ -10,16 +10,17 @@ use crate::sfm::{
     CachedExtractor, CachedMatcher, FeatureMatcher, Features, ImageFeatures, SfmError, SfmRequest,
     SparseModel, TriedPair,
 };
-use ostra_core::job::Progress;
+use ostra_core::job::{PlannedStage, Progress};
 use ostra_frames::FrameStore;
 
-/// Maximum number of images matched under tilts; those with most matches with one other come first.
+/// Maximum number of images matched at a time; those with most matches with one other come first.
 const MOST: usize = 8;
-/// Longest side of tilted views in pixels: there are many.
+/// Longest side of the images that are tilted, in pixels: there are many views.
 const FULL_SIDE: usize = 1600;
-/// Longest side of the views from which the promising tilts are chosen, in pixels.
+/// Longest side of the small copies from which the promising tilts are chosen, in pixels: a third of
+/// [`FULL_SIDE`], as in the paper, or a little more.
 const COARSE_SIDE: usize = 600;
-/// Number of tilts that are tried first.
+/// Number of promising tilts, as in the paper.
 const PROMISING: usize = 5;
 
 /// Matches images that were left out under the simulated tilts that are promising for each.
@@ -29,12 +30,17 @@ pub(super) fn under_promising_tilts(
     store: &FrameStore,
     progress: &Progress,
 ) -> Result<Gains, SfmError> {
-    let promising = |look: &Retry<'_>, views: Views<'_>| {
-        let mut tilts = look.ranked_tilts(views)?;
+    let promising = |retry: &Retry<'_>, views: Views<'_>| {
+        let mut tilts = retry.ranked_tilts(views)?;
         tilts.truncate(PROMISING);
         Ok(tilts)
     };
-    under_tilts(&promising, attempt, request, store, progress)
+    let stage = PlannedStage::new(
+        "match unregistered images again",
+        "Match left-over images again",
+        2.5,
+    );
+    under_tilts(&stage, &promising, attempt, request, store, progress)
 }
 
 /// Matches images that were left out under all simulated tilts.
@@ -45,13 +51,20 @@ pub(super) fn under_all_tilts(
     progress: &Progress,
 ) -> Result<Gains, SfmError> {
     let all = |_: &Retry<'_>, _: Views<'_>| Ok(Tilt::all());
-    under_tilts(&all, attempt, request, store, progress)
+    let stage = PlannedStage::new(
+        "match unregistered images under all tilts",
+        "Match left-over images under all tilts",
+        4.5,
+    );
+    under_tilts(&stage, &all, attempt, request, store, progress)
 }
 
 /// Selects tilts for an image.
 type TiltChoice<'a> = &'a dyn Fn(&Retry<'_>, Views<'_>) -> Result<Vec<Tilt>, SfmError>;
 
+/// Matches images that were left out under the chosen tilts; the weight of `stage` is that of one image.
 fn under_tilts(
+    stage: &PlannedStage,
     choose: TiltChoice<'_>,
     attempt: &Attempt,
     request: &SfmRequest<'_>,
@@ -67,17 +80,12 @@ fn under_tilts(
     if images.is_empty() {
         return Ok(gains);
     }
-    let (name, count) = ("match unregistered images again", images.len());
-    announce(
-        progress,
-        name,
-        "Match left-over images again",
-        2.0 * count as f64,
-    );
-    progress.stage(name)?;
+    let count = images.len();
+    let weight = stage.weight * count as f64;
+    begin(progress, PlannedStage::new(stage.name, stage.step, weight))?;
     for (done, &image) in images.iter().enumerate() {
         progress.step(done, count)?;
-        let look = Retry {
+        let retry = Retry {
             attempt,
             model: &kept.model,
             image,
@@ -91,8 +99,8 @@ fn under_tilts(
             let extractor = request.frame_extractor(store);
             extractor.tilted(frame, tilts, max_side, progress)
         };
-        let tilts = choose(&look, &views)?;
-        if let Some(found) = look.gains(&views(&tilts, FULL_SIDE)?)? {
+        let tilts = choose(&retry, &views)?;
+        if let Some(found) = retry.gains(&views(&tilts, FULL_SIDE)?)? {
             gains.images.insert(image, found.image);
             gains.pairs.extend(found.pairs);
         }
@@ -121,13 +129,14 @@ pub(super) struct Retry<'a> {
     pub model: &'a SparseModel,
     pub image: usize,
     pub seed: u64,
-    /// Number of agreeing matches with another image from which they are enough for a pose.
+    /// Minimum number of agreeing matches with one image for a pose.
     pub enough: usize,
     pub cached: Option<&'a CachedExtractor<'a>>,
     pub progress: &'a Progress,
 }
 
-/// Extracts features of tilted views of an image with the given longest side; none if it cannot be read.
+/// Extracts features of tilted views of an image, first shrunk to the given longest side; none if it
+/// cannot be read.
 pub(super) type Views<'a> = &'a dyn Fn(&[Tilt], usize) -> Result<Vec<ImageFeatures>, SfmError>;
 
 /// Matches of one view: number of the view, keypoints of view and neighbour.

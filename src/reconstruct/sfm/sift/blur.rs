@@ -95,8 +95,8 @@ pub(super) fn blur(source: &Rows, kernel: &Kernel, out: &mut Rows, first: usize,
 
 /// Writes rows `first..last` of `out`, which is twice as large as `source`.
 ///
-/// The image is doubled and blurred by the kernels for its even and its odd samples. `first` is a
-/// multiple of 4.
+/// The image is doubled and blurred by the kernels for its even and its odd samples. `first` is
+/// even.
 pub(super) fn double(
     source: &Rows,
     kernels: &[Kernel; 2],
@@ -289,6 +289,7 @@ impl WithSimd for GroupSum<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
+        const { assert!(PAD.is_multiple_of(GROUP_ABREAST * S::F32_LANES)) };
         let step = GROUP_ABREAST * S::F32_LANES;
         for at in (0..self.len).step_by(step) {
             let mut sums = [[simd.splat_f32s(0.0); GROUP_ABREAST]; GROUP];
@@ -335,6 +336,7 @@ impl WithSimd for WeightedSum<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
+        const { assert!(PAD.is_multiple_of(ABREAST * S::F32_LANES)) };
         let Self { row, taps, out } = self;
         let step = ABREAST * S::F32_LANES;
         for (k, out) in out.chunks_exact_mut(step).enumerate() {

@@ -124,6 +124,10 @@ impl FeatureExtractor for Sift {
         "sift"
     }
 
+    fn free_buffers(&self) {
+        self.spare.clear();
+    }
+
     fn extract(
         &self,
         grey: &[f32],

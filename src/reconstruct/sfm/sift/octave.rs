@@ -69,7 +69,7 @@ const MOST_TASKS: usize = 8;
 /// Returns the number of rows by which each level advances.
 ///
 /// No keypoint's surroundings reach farther. Beyond that, a block has as many tasks as there are
-/// threads; larger ones only leave the processor's cache.
+/// threads; larger blocks would no longer fit the processor's cache.
 fn block_rows(scales: usize) -> usize {
     let coarsest = level_sigma(scales as f32 + FARTHEST, scales);
     let reach = MOST_MOVES as f32 + FARTHEST + GRID_REACH * coarsest;

@@ -41,13 +41,19 @@ impl SpareBuffers {
         let mut spare = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let fitting = (0..spare.len()).filter(|&k| spare[k].capacity() >= len);
         let smallest = fitting.min_by_key(|&k| spare[k].capacity());
-        let mut buffer = match smallest {
-            Some(found) => spare.swap_remove(found),
-            None => Vec::new(),
+        let Some(found) = smallest else {
+            return vec![0.0; len];
         };
+        let mut buffer = spare.swap_remove(found);
         drop(spare);
         buffer.resize(len, 0.0);
         buffer
+    }
+
+    /// Frees all buffers.
+    pub fn clear(&self) {
+        let mut spare = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        *spare = Vec::new();
     }
 
     /// Keeps the buffer of an image.

@@ -155,7 +155,7 @@ fn strongest_features_are_kept() {
 #[test]
 fn features_do_not_depend_on_the_number_of_threads() {
     let grey = painted(&strewn(300, 240, 400), 240, 400);
-    for scales in [1, 2, 3] {
+    for scales in [1, 2, 3, 8] {
         let options = SiftOptions {
             max_features: 90,
             scales,
