@@ -15,8 +15,9 @@ use ostra_frames::FrameStore;
 ///
 /// First come matches with images that see the same place, then those under simulated tilts: an
 /// image taken at a grazing angle shows its content so foreshortened that its features are not
-/// recognised until the tilt is simulated away. All tilts are tried only for images that the
-/// promising ones do not place. If every image was placed, nothing of this runs.
+/// recognised until the tilt is simulated away. All tilts are tried only for images that agree with
+/// others under the promising ones and still cannot be placed. If every image was placed, nothing of
+/// this runs.
 ///
 /// When stopped, returns what was reached before.
 ///
@@ -34,17 +35,34 @@ pub(in crate::sfm) fn retry_unregistered(
     request
         .frame_extractor(store)
         .restore_descriptors(&mut attempt.images, request.mapped)?;
-    for search in [nearby, under_promising_tilts, under_all_tilts] {
-        let found = search(&attempt, request, store, progress)
-            .and_then(|gains| extended(&attempt, gains, request, progress));
-        match found {
-            Ok(Some(extended)) => attempt.take(extended),
-            Ok(None) => {}
-            Err(SfmError::Stopped(_)) => break,
-            Err(error) => return Err(error),
-        }
+    match search(&mut attempt, request, store, progress) {
+        Ok(()) | Err(SfmError::Stopped(_)) => Ok(attempt),
+        Err(error) => Err(error),
     }
-    Ok(attempt)
+}
+
+/// Runs one search after the other, and takes over what each one places.
+fn search(
+    attempt: &mut Attempt,
+    request: &SfmRequest<'_>,
+    store: &FrameStore,
+    progress: &Progress,
+) -> Result<(), SfmError> {
+    let place = |attempt: &mut Attempt, gains| {
+        if let Some(extended) = extended(attempt, gains, request, progress)? {
+            attempt.take(extended);
+        }
+        Ok::<_, SfmError>(())
+    };
+    let gains = nearby(attempt, request, progress)?;
+    place(attempt, gains)?;
+    let gains = under_promising_tilts(attempt, request, store, progress)?;
+    let agreeing: Vec<usize> = gains.images.keys().copied().collect();
+    place(attempt, gains)?;
+    let mut images = left_out(attempt);
+    images.retain(|image| agreeing.contains(image));
+    let gains = under_all_tilts(attempt, &images, request, store, progress)?;
+    place(attempt, gains)
 }
 
 /// Returns the first model with more images, if the additional matches lead to any.
@@ -73,7 +91,6 @@ pub(super) fn extended(
 fn nearby(
     attempt: &Attempt,
     request: &SfmRequest<'_>,
-    _: &FrameStore,
     progress: &Progress,
 ) -> Result<Gains, SfmError> {
     let (Some(kept), images) = (attempt.models.first(), left_out(attempt)) else {

@@ -279,8 +279,17 @@ fn tilts_that_make_up_for_the_view_come_first() {
 #[test]
 fn image_of_another_carpet_is_not_placed() {
     let photos = Photos::new(view(30.0, 30.0, 2.6), 2);
-    let (before, after, _) = photos.placed(&Progress::default());
+    let progress = Progress::default();
+    let (before, after, _) = photos.placed(&progress);
     assert_eq!((&before, &after), (&vec![0, 1, 2, 3, 4], &before));
+    // It agrees with none of the others under the promising tilts, so the other tilts are not tried.
+    let steps = progress.overview().steps;
+    let titles: Vec<&str> = steps.iter().map(|step| step.title.as_str()).collect();
+    assert_eq!(titles.first(), Some(&"Match left-over images again"));
+    assert!(
+        !titles.contains(&"Match left-over images under all tilts"),
+        "{titles:?}"
+    );
 }
 
 #[test]

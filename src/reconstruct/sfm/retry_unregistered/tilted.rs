@@ -13,7 +13,7 @@ use crate::sfm::{
 use ostra_core::job::{PlannedStage, Progress};
 use ostra_frames::FrameStore;
 
-/// Maximum number of images matched at a time; those with most matches with one other come first.
+/// Maximum number of images matched under tilts; those with most matches with one other come first.
 const MOST: usize = 8;
 /// Longest side of the images that are tilted, in pixels: there are many views.
 const FULL_SIDE: usize = 1600;
@@ -40,12 +40,17 @@ pub(super) fn under_promising_tilts(
         "Match left-over images again",
         2.5,
     );
-    under_tilts(&stage, &promising, attempt, request, store, progress)
+    let mut images = left_out(attempt);
+    images.truncate(MOST);
+    under_tilts(
+        attempt, &images, &promising, &stage, request, store, progress,
+    )
 }
 
-/// Matches images that were left out under all simulated tilts.
+/// Matches images under all simulated tilts.
 pub(super) fn under_all_tilts(
     attempt: &Attempt,
+    images: &[usize],
     request: &SfmRequest<'_>,
     store: &FrameStore,
     progress: &Progress,
@@ -56,17 +61,18 @@ pub(super) fn under_all_tilts(
         "Match left-over images under all tilts",
         4.5,
     );
-    under_tilts(&stage, &all, attempt, request, store, progress)
+    under_tilts(attempt, images, &all, &stage, request, store, progress)
 }
 
 /// Selects tilts for an image.
 type TiltChoice<'a> = &'a dyn Fn(&Retry<'_>, Views<'_>) -> Result<Vec<Tilt>, SfmError>;
 
-/// Matches images that were left out under the chosen tilts; the weight of `stage` is that of one image.
+/// Matches images under the chosen tilts; the weight of `stage` is that of one image.
 fn under_tilts(
-    stage: &PlannedStage,
-    choose: TiltChoice<'_>,
     attempt: &Attempt,
+    images: &[usize],
+    choose: TiltChoice<'_>,
+    stage: &PlannedStage,
     request: &SfmRequest<'_>,
     store: &FrameStore,
     progress: &Progress,
@@ -75,8 +81,6 @@ fn under_tilts(
     let Some(kept) = attempt.models.first() else {
         return Ok(gains);
     };
-    let mut images = left_out(attempt);
-    images.truncate(MOST);
     if images.is_empty() {
         return Ok(gains);
     }
