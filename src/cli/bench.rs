@@ -125,7 +125,7 @@ pub(super) fn bench(args: BenchArgs) -> Result<()> {
             Until::Cloud => BenchStage::Cloud,
         },
         rounds: args.rounds,
-        beside: other_programs(args.beside),
+        other_programs: other_programs(args.beside),
     };
     let report = run_bench(&options, &mut |line| {
         print_to_stderr(&format!("{}\n", printable(line)));

@@ -278,8 +278,8 @@ fn open3d_takes_recordings_and_pycolmap_photos() {
     let scene = scene.unwrap();
     scene.write(&recording, &Progress::default()).unwrap();
     let args = ["--data", data.to_str().unwrap(), "--json"];
-    let beside = ["--beside", "pycolmap,open3d", "--sets"];
-    let sets = |sets: &'static str| [&args[..], &beside, &[sets]].concat();
+    let with_others = ["--beside", "pycolmap,open3d", "--sets"];
+    let sets = |sets: &'static str| [&args[..], &with_others, &[sets]].concat();
     let output = bench(dir.path(), &sets("castle,kitchen-rgbd"));
     let errors = text(&output.stderr);
     assert!(output.status.success(), "{errors}");

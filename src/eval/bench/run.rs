@@ -32,7 +32,7 @@ pub struct BenchOptions {
     /// Number of rounds, from 1.
     pub rounds: usize,
     /// Other programs that take turns with this one, on the sets that they can reconstruct.
-    pub beside: Vec<BenchProgram>,
+    pub other_programs: Vec<BenchProgram>,
 }
 
 /// A program that can run.
@@ -60,7 +60,7 @@ pub fn run_bench(options: &BenchOptions, note: &mut dyn FnMut(&str)) -> Result<B
         version: options.version.clone(),
     }];
     let mut not_run = Vec::new();
-    for &program in &options.beside {
+    for &program in &options.other_programs {
         let Some(other) = PythonProgram::of(program) else {
             continue;
         };

@@ -230,50 +230,52 @@ fn grazing_view_is_placed_by_simulated_tilts() {
     assert!(error < 0.005, "{error:.4}");
 }
 
+/// Runs the first attempt, which leaves the last image out, and passes it on.
+fn after_first_attempt(
+    photos: &Photos,
+    check: impl FnOnce(&Attempt, &SfmRequest<'_>, &FrameStore, &Progress),
+) {
+    let store = FrameStore::new(16 << 20);
+    let (sift, nearest) = (Sift::default(), NearestMatcher::for_bytes());
+    let request = photos.request(&sift, &nearest);
+    let attempt = attempt(&request, &store);
+    check(&attempt, &request, &store, &Progress::default());
+}
+
 #[test]
 fn promising_tilts_place_a_grazing_view() {
     let photos = Photos::new(view(30.0, 15.0, 2.6), 1);
-    let (store, sift, nearest) = (
-        FrameStore::new(16 << 20),
-        Sift::default(),
-        NearestMatcher::for_bytes(),
-    );
-    let (request, progress) = (photos.request(&sift, &nearest), Progress::default());
-    let attempt = attempt(&request, &store);
-    let gains = under_promising_tilts(&attempt, &request, &store, &progress).unwrap();
-    let extended = extended(&attempt, gains, &request, &progress).unwrap();
-    assert_eq!(extended.unwrap().model.model.placed().count(), 6);
+    after_first_attempt(&photos, |attempt, request, store, progress| {
+        let gains = under_promising_tilts(attempt, request, store, progress).unwrap();
+        let extended = extended(attempt, gains, request, progress).unwrap();
+        assert_eq!(extended.unwrap().model.model.placed().count(), 6);
+    });
 }
 
 #[test]
 fn tilts_that_make_up_for_the_view_come_first() {
     // Near the ground, it appears compressed from top to bottom: the tilts compress along the rows.
     let photos = Photos::new(view(30.0, 15.0, 2.6), 1);
-    let (store, sift, nearest) = (
-        FrameStore::new(16 << 20),
-        Sift::default(),
-        NearestMatcher::for_bytes(),
-    );
-    let (request, progress) = (photos.request(&sift, &nearest), Progress::default());
-    let attempt = attempt(&request, &store);
-    let retry = Retry {
-        attempt: &attempt,
-        model: &attempt.models[0].model,
-        image: 5,
-        seed: request.mapper.seed,
-        enough: request.mapper.pose_inliers,
-        cached: None,
-        progress: &progress,
-    };
-    let views = |tilts: &[Tilt], max_side| {
-        let extractor = request.frame_extractor(&store);
-        extractor.tilted(5, tilts, max_side, &progress)
-    };
-    let ranked = retry.ranked_tilts(&views).unwrap();
-    let along_rows = |tilt: &Tilt| tilt.along.min(std::f64::consts::PI - tilt.along) < 0.5;
-    let first = &ranked[..3];
-    assert!(first.iter().all(along_rows), "{first:?}");
-    assert!(first[0].by > 2.0, "{first:?}");
+    after_first_attempt(&photos, |attempt, request, store, progress| {
+        let retry = Retry {
+            attempt,
+            model: &attempt.models[0].model,
+            image: 5,
+            seed: request.mapper.seed,
+            enough: request.mapper.pose_inliers,
+            cached: None,
+            progress,
+        };
+        let views = |tilts: &[Tilt], max_side| {
+            let extractor = request.frame_extractor(store);
+            extractor.tilted(5, tilts, max_side, progress)
+        };
+        let ranked = retry.ranked_tilts(&views).unwrap();
+        let along_rows = |tilt: &Tilt| tilt.along.min(std::f64::consts::PI - tilt.along) < 0.5;
+        let first = &ranked[..3];
+        assert!(first.iter().all(along_rows), "{first:?}");
+        assert!(first[0].by > 2.0, "{first:?}");
+    });
 }
 
 #[test]

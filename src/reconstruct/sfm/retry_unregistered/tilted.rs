@@ -166,9 +166,9 @@ impl Retry<'_> {
         Ok(ranked.into_iter().map(|(_, tilt)| tilt).collect())
     }
 
-    /// Matches the image and its tilted `views`; `None` without a sufficient gain.
+    /// Matches the image and its tilted `views`.
     ///
-    /// There is none if no more matches agree than before, or too few for a pose with any one image.
+    /// Returns `None` if no more matches agree than before, or too few for a pose with every image.
     fn gains(&self, views: &[ImageFeatures]) -> Result<Option<Gained>, SfmError> {
         let own = &self.attempt.images[self.image];
         let all: Vec<&ImageFeatures> = std::iter::once(own).chain(views).collect();
